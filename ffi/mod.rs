@@ -1,0 +1,1 @@
+//! Foreign libraries, loaded at run time: all the unsafe code there is, but for `simd`.

@@ -1,0 +1,1 @@
+//! Benchmarks as part of the program.

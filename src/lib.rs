@@ -1,0 +1,46 @@
+//! whitewater: a production ray tracer for turbulent water over natural terrain.
+//!
+//! Data flows one way through the rooms of this crate:
+//!
+//! ```text
+//! files → scene → state → surface, particles, terrain → lower → accel → render → output
+//! ```
+//!
+//! | room | what lives there |
+//! |---|---|
+//! | [`math`] | intervals, Bernstein polynomials, sequences: knows nothing of water |
+//! | `simd` | 16- and 8-lane vectors, the choice of instruction set at start |
+//! | [`scene`] | the TOML file → plain data, its schema, its errors |
+//! | [`state`] | `model.state`, `time###.state`, NPZ |
+//! | [`surface`] | the water and the bed as B-splines: lattice, bounds, solvers, the other representations |
+//! | [`particles`] | spray: radius, colour, opacity |
+//! | [`terrain`] | meshes, panels, boulders, the look of the ground |
+//! | [`lower`] | all of these → backend-neutral parts |
+//! | [`accel`] | the accelerators behind one seam |
+//! | [`optics`] | Fresnel, absorption, sky, sun |
+//! | [`render`] | camera, sampler, film, tiles, integrators |
+//! | [`output`] | EXR, metadata, PNG/JPEG/BMP, whole files only |
+//! | [`cli`], [`bench`] | sit on top; nothing imports them |
+//!
+//! Frame: metres, right-handed, y up, x east, z south. Files are double precision; everything below [`lower`] is single
+//! precision around a scene origin chosen there.
+
+#[allow(unsafe_code)] // The foreign libraries: every block in it carries a SAFETY line.
+#[path = "../ffi/mod.rs"]
+mod ffi;
+#[allow(unsafe_code)] // Vector intrinsics behind a run-time check of the processor.
+mod simd;
+
+pub mod accel;
+pub mod bench;
+pub mod cli;
+pub mod lower;
+pub mod math;
+pub mod optics;
+pub mod output;
+pub mod particles;
+pub mod render;
+pub mod scene;
+pub mod state;
+pub mod surface;
+pub mod terrain;

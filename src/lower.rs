@@ -1,0 +1,88 @@
+//! Scene and state → backend-neutral parts around a scene origin: the last place where anything is double precision.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+
+use crate::surface::{Sides, SplineSurface};
+
+/// Everything that can be hit, ready for an accelerator.
+#[derive(Clone, Debug, Default)]
+pub struct Lowered {
+    /// Where the local frame's zero lies in the files' frame (m).
+    pub origin: DVec3,
+    /// Parts; a hit's part is an index into this.
+    pub parts: Vec<Part>,
+}
+
+/// One named thing with one shape.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// The name that users see: `water`, `water_sides`, `terrain`, `spray`, `panel_0`, `sphere_0`, a mesh's file stem.
+    pub name: String,
+    /// What it is made of.
+    pub material: Material,
+    /// Its geometry.
+    pub shape: Shape,
+}
+
+/// What a part is made of.
+#[derive(Clone, Debug)]
+pub enum Material {
+    /// The dielectric surface of the water, or one of its sides.
+    Water,
+    /// The ground, coloured by the terrain room.
+    Ground,
+    /// Diffuse spray, coloured per particle.
+    Spray,
+    /// Diffuse, one albedo.
+    Diffuse(Vec3),
+    /// Diffuse, one albedo per triangle vertex.
+    VertexColours(Arc<Vec<Vec3>>),
+}
+
+/// Geometry in the local frame (m).
+#[derive(Clone, Debug)]
+pub enum Shape {
+    /// The water or the bed as a spline.
+    Surface(Arc<SplineSurface>),
+    /// The water's walls at the domain's edge.
+    Sides(Arc<Sides>),
+    /// Spheres: the spray, or one boulder.
+    Spheres(Arc<Spheres>),
+    /// Discs with normals of their own: billboards.
+    Discs(Arc<Discs>),
+    /// Triangles.
+    Triangles(Arc<Triangles>),
+}
+
+/// Spheres, one array per field.
+#[derive(Clone, Debug, Default)]
+pub struct Spheres {
+    /// Centres.
+    pub center: Vec<Vec3>,
+    /// Radii, positive.
+    pub radius: Vec<f32>,
+}
+
+/// Oriented discs, one array per field.
+#[derive(Clone, Debug, Default)]
+pub struct Discs {
+    /// Centres.
+    pub center: Vec<Vec3>,
+    /// Radii, positive.
+    pub radius: Vec<f32>,
+    /// Unit normals.
+    pub normal: Vec<Vec3>,
+}
+
+/// An indexed triangle mesh.
+#[derive(Clone, Debug, Default)]
+pub struct Triangles {
+    /// Vertices.
+    pub position: Vec<Vec3>,
+    /// Unit shading normals per vertex, or empty for flat triangles.
+    pub normal: Vec<Vec3>,
+    /// Vertex indices, counter-clockwise seen from outside.
+    pub index: Vec<[u32; 3]>,
+}

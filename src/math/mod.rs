@@ -1,0 +1,1 @@
+//! Intervals, Bernstein polynomials, sequences and warps. Knows nothing of water.

@@ -1,0 +1,1 @@
+//! Fresnel, absorption, sky and sun.

@@ -1,0 +1,1 @@
+//! Spray: radius from mass, colour and opacity from speed and age.

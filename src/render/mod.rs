@@ -1,0 +1,1 @@
+//! Camera, sampler, film, tiles and integrators.

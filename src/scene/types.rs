@@ -1,0 +1,606 @@
+//! The scene as plain data: what the TOML file says, with every default filled in.
+//!
+//! These types are the only list of keys: the reader, the JSON Schema and the nearest-key hints are made from them.
+//! Angles are degrees and lengths metres, as a person would write them.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A whole scene file.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Scene {
+    /// The simulation's frames.
+    pub frames: Frames,
+    /// What stands in the water and around it.
+    pub environment: Environment,
+    /// How the water's surface is represented and intersected.
+    pub surface: Surface,
+    /// What water does to light.
+    pub water: Water,
+    /// Spray.
+    pub particles: Particles,
+    /// The look of the bed and the banks.
+    pub terrain: Terrain,
+    /// The eye.
+    pub camera: Camera,
+    /// What is seen where nothing is hit, and what lights from all around.
+    pub sky: Sky,
+    /// The sun.
+    pub sun: Sun,
+    /// Point lights.
+    pub light: Vec<Light>,
+    /// Size, samples, integrator.
+    pub render: Render,
+    /// Acceleration structures by name.
+    pub accel: Accel,
+    /// How pictures are written.
+    pub output: Output,
+}
+
+/// `[frames]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Frames {
+    /// Pattern of the frames' names, relative to the scene file; `###` is the frame number in any count of digits.
+    pub files: String,
+    /// Frames per second.
+    #[schemars(range(min = 0.001, max = 100000.0))]
+    pub fps: f64,
+}
+impl Default for Frames {
+    fn default() -> Self {
+        Self { files: String::new(), fps: 24.0 }
+    }
+}
+
+/// `[environment]`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Environment {
+    /// The static file; by default `model.state` beside the frames, if there is one.
+    pub model: Option<String>,
+    /// Further meshes (.glb .gltf .obj .ply), relative to the scene file.
+    pub meshes: Vec<String>,
+}
+
+/// How the water's surface is drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Representation {
+    /// Flat quadrilaterals between column centres, as the report's section 2.1.
+    Quads,
+    /// The spline, sampled into triangles.
+    Tessellated,
+    /// The exact spline.
+    #[default]
+    Spline,
+}
+
+/// Ray/patch solvers by name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum SolverKind {
+    /// One polynomial along the ray in Bernstein form, bracketed: finds every first crossing.
+    #[default]
+    Univariate,
+    /// The two-plane Newton iteration of Martin et al. 2000.
+    Newton,
+    /// Double precision, every root bracketed.
+    Reference,
+}
+impl SolverKind {
+    /// Every solver, for tests and benchmarks.
+    pub const ALL: [Self; 3] = [Self::Univariate, Self::Newton, Self::Reference];
+    /// The name a scene file uses.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Univariate => "univariate",
+            Self::Newton => "newton",
+            Self::Reference => "reference",
+        }
+    }
+}
+
+/// `[surface]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Surface {
+    /// Order of the B-spline: 2, 3 or 4 (degree 1, 2, 3).
+    #[schemars(range(min = 2, max = 4))]
+    pub order: u32,
+    /// `spline`, `quads` or `tessellated`.
+    pub representation: Representation,
+    /// `univariate`, `newton` or `reference`.
+    pub solver: SolverKind,
+    /// Metres along the ray within which a hit is found; by default from the pixel's footprint.
+    #[schemars(range(min = 0.0))]
+    pub tolerance: Option<f64>,
+    /// The same in pixels, used where `tolerance` is not set.
+    #[schemars(range(min = 0.000001, max = 100.0))]
+    pub accuracy: f64,
+    /// A column with less water than this (m) is dry.
+    #[schemars(range(min = 0.0))]
+    pub dry_threshold: f64,
+    /// How far under the base a dry column's control point lies (m); by default 0.05 of the smaller column width.
+    #[schemars(range(min = 0.0))]
+    pub dry_depth: Option<f64>,
+    /// Samples per column and axis of the tessellated representation.
+    #[schemars(range(min = 1, max = 64))]
+    pub samples: u32,
+    /// Tessellate adaptively until the error on screen is under this many pixels, instead of a fixed count.
+    #[schemars(range(min = 0.001, max = 100.0))]
+    pub screen_error: Option<f64>,
+}
+impl Default for Surface {
+    fn default() -> Self {
+        Self {
+            order: 3,
+            representation: Representation::Spline,
+            solver: SolverKind::Univariate,
+            tolerance: None,
+            accuracy: 0.02,
+            dry_threshold: 0.001,
+            dry_depth: None,
+            samples: 8,
+            screen_error: None,
+        }
+    }
+}
+
+/// Reflectance of the water's surface, by name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Fresnel {
+    /// The dielectric's Fresnel equations, unpolarised.
+    #[default]
+    Exact,
+    /// Schlick 1994.
+    Schlick,
+}
+
+/// The sun's mirror image on the water.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Highlight {
+    /// A GGX lobe of `water.roughness`.
+    #[default]
+    Ggx,
+    /// Phong's lobe of `water.phong_exponent` (the report's table 4.1).
+    Phong,
+    /// No highlight.
+    None,
+}
+
+/// A named set of water properties.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum WaterPreset {
+    /// The report's table 4.1: diffuse, specular, Phong 1000, Schlick with `r0`.
+    Report,
+}
+
+/// `[water]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Water {
+    /// Start from a named set; keys given beside it still win.
+    pub preset: Option<WaterPreset>,
+    /// Index of refraction.
+    #[schemars(range(min = 1.0, max = 4.0))]
+    pub ior: f64,
+    /// Absorption per metre: red, green, blue.
+    #[schemars(inner(range(min = 0.0)))]
+    pub absorption: [f64; 3],
+    /// `exact` or `schlick`.
+    pub fresnel: Fresnel,
+    /// Schlick's reflectance at normal incidence; by default ((n-1)/(n+1))^2.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub r0: Option<f64>,
+    /// Diffuse reflectance of the surface itself (0: clear water).
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
+    pub diffuse: [f64; 3],
+    /// Scale of the mirror reflection and of the highlight.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
+    pub specular: [f64; 3],
+    /// `ggx`, `phong` or `none`.
+    pub highlight: Highlight,
+    /// GGX roughness (alpha) of the sun's highlight.
+    #[schemars(range(min = 0.0001, max = 1.0))]
+    pub roughness: f64,
+    /// Exponent of the Phong highlight.
+    #[schemars(range(min = 1.0, max = 1000000.0))]
+    pub phong_exponent: f64,
+    /// Whether the water is there at all.
+    pub visible: bool,
+}
+impl Default for Water {
+    fn default() -> Self {
+        Self {
+            preset: None,
+            ior: 1.333,
+            absorption: [0.34, 0.05, 0.009],
+            fresnel: Fresnel::Exact,
+            r0: None,
+            diffuse: [0.0; 3],
+            specular: [1.0; 3],
+            highlight: Highlight::Ggx,
+            roughness: 0.03,
+            phong_exponent: 1000.0,
+            visible: true,
+        }
+    }
+}
+
+/// How spray is drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ParticleRepresentation {
+    /// Spheres of the particle's own volume.
+    #[default]
+    Spheres,
+    /// Discs that face the eye.
+    Billboards,
+    /// Not at all.
+    None,
+}
+
+/// `[particles]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Particles {
+    /// `spheres`, `billboards` or `none`.
+    pub representation: ParticleRepresentation,
+    /// Factor on every radius.
+    #[schemars(range(min = 0.0))]
+    pub scale: f64,
+    /// Albedo of slow or old spray.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
+    pub slow_albedo: [f64; 3],
+    /// Albedo of fast, young spray.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
+    pub fast_albedo: [f64; 3],
+    /// Speed (m/s) at which spray counts as fast.
+    #[schemars(range(min = 0.001))]
+    pub fast_speed: f64,
+    /// Opacity of young spray.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub opacity: f64,
+    /// Age (s) by which opacity has fallen to 1/e.
+    #[schemars(range(min = 0.001))]
+    pub fade_age: f64,
+}
+impl Default for Particles {
+    fn default() -> Self {
+        Self {
+            representation: ParticleRepresentation::Spheres,
+            scale: 1.0,
+            slow_albedo: [0.72, 0.80, 0.84],
+            fast_albedo: [0.94, 0.96, 0.97],
+            fast_speed: 4.0,
+            opacity: 0.9,
+            fade_age: 2.0,
+        }
+    }
+}
+
+/// How the ground is coloured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Ground {
+    /// Rock by slope, sand and wet darkening by the waterline, grass above.
+    #[default]
+    Natural,
+    /// One albedo.
+    Plain,
+}
+
+/// `[terrain]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Terrain {
+    /// `natural` or `plain`.
+    pub ground: Ground,
+    /// Albedo of plain ground.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
+    pub albedo: [f64; 3],
+    /// Metres over which the natural ground's pattern repeats its coarsest detail; by default 20 column widths.
+    #[schemars(range(min = 0.001))]
+    pub detail: Option<f64>,
+    /// Whether the bed is there at all.
+    pub visible: bool,
+}
+impl Default for Terrain {
+    fn default() -> Self {
+        Self { ground: Ground::Natural, albedo: [0.3, 0.28, 0.24], detail: None, visible: true }
+    }
+}
+
+/// One key of a camera path.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CameraKey {
+    /// Frame number at which the camera is here.
+    pub frame: f64,
+    /// Eye (m).
+    pub eye: [f64; 3],
+    /// Point looked at (m).
+    pub look_at: [f64; 3],
+    /// Vertical field of view (degrees); by default the camera's.
+    #[serde(default)]
+    #[schemars(range(min = 0.01, max = 179.0))]
+    pub fov: Option<f64>,
+}
+
+/// `[camera]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Camera {
+    /// Eye (m); by default framed on the water.
+    pub eye: Option<[f64; 3]>,
+    /// Point looked at (m); by default framed on the water.
+    pub look_at: Option<[f64; 3]>,
+    /// Up.
+    pub up: [f64; 3],
+    /// Vertical field of view (degrees).
+    #[schemars(range(min = 0.01, max = 179.0))]
+    pub fov: f64,
+    /// f-number of the thin lens (24 mm film back, height); 0 is a pinhole.
+    #[schemars(range(min = 0.0))]
+    pub f_number: f64,
+    /// Distance in focus (m); by default the distance to `look_at`.
+    #[schemars(range(min = 0.000001))]
+    pub focus: Option<f64>,
+    /// Exposure time in fractions of a frame (recorded; used by motion blur).
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub shutter: f64,
+    /// A path: keys by frame, smooth in position and direction.
+    pub key: Vec<CameraKey>,
+}
+impl Default for Camera {
+    fn default() -> Self {
+        Self {
+            eye: None,
+            look_at: None,
+            up: [0.0, 1.0, 0.0],
+            fov: 40.0,
+            f_number: 0.0,
+            focus: None,
+            shutter: 0.5,
+            key: Vec::new(),
+        }
+    }
+}
+
+/// What surrounds the scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum SkyKind {
+    /// An analytic daylight sky for the sun's place.
+    #[default]
+    Analytic,
+    /// Two textures: sky above, ground below (the report's 4.3, filtered).
+    Skybox,
+    /// A latitude-longitude image (.hdr or .exr).
+    Latlong,
+    /// One radiance everywhere.
+    Constant,
+}
+
+/// `[sky]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Sky {
+    /// `analytic`, `skybox`, `latlong` or `constant`.
+    pub kind: SkyKind,
+    /// Whether the camera sees it; if not, A is 0 there. It lights the scene either way.
+    pub visible: bool,
+    /// Radiance of the constant sky.
+    #[schemars(inner(range(min = 0.0)))]
+    pub radiance: [f64; 3],
+    /// Factor on whatever the sky is.
+    #[schemars(range(min = 0.0))]
+    pub scale: f64,
+    /// Haze of the analytic sky (Preetham's turbidity).
+    #[schemars(range(min = 1.7, max = 10.0))]
+    pub turbidity: f64,
+    /// Albedo of the ground below the analytic sky's horizon.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
+    pub ground_albedo: [f64; 3],
+    /// The latlong image, relative to the scene file.
+    pub image: Option<String>,
+    /// The skybox's upper texture, relative to the scene file.
+    pub above: Option<String>,
+    /// The skybox's lower texture, relative to the scene file.
+    pub below: Option<String>,
+    /// Turn of the image about the vertical (degrees, eastward).
+    pub rotation: f64,
+}
+impl Default for Sky {
+    fn default() -> Self {
+        Self {
+            kind: SkyKind::Analytic,
+            visible: true,
+            radiance: [1.0; 3],
+            scale: 1.0,
+            turbidity: 3.0,
+            ground_albedo: [0.24, 0.22, 0.18],
+            image: None,
+            above: None,
+            below: None,
+            rotation: 0.0,
+        }
+    }
+}
+
+/// `[sun]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Sun {
+    /// Degrees above the horizon.
+    #[schemars(range(min = -90.0, max = 90.0))]
+    pub elevation: f64,
+    /// Degrees from north, eastward.
+    pub azimuth: f64,
+    /// Irradiance on a card that faces it.
+    #[schemars(range(min = 0.0))]
+    pub irradiance: f64,
+    /// Colour (scaled to a luminance of 1); by default from the sun's elevation.
+    #[schemars(inner(range(min = 0.0)))]
+    pub color: Option<[f64; 3]>,
+}
+impl Default for Sun {
+    fn default() -> Self {
+        Self { elevation: 35.0, azimuth: 130.0, irradiance: 2.2, color: None }
+    }
+}
+
+/// `[[light]]`: a point light.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Light {
+    /// Position (m).
+    pub position: [f64; 3],
+    /// Radiant intensity (power per steradian): red, green, blue.
+    #[schemars(inner(range(min = 0.0)))]
+    pub intensity: [f64; 3],
+}
+
+/// How light is followed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Integrator {
+    /// Whitted 1980: mirror, refraction, shadows; free of noise.
+    #[default]
+    Whitted,
+}
+
+/// Reconstruction filters by name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum PixelFilter {
+    /// Blackman-Harris.
+    #[default]
+    BlackmanHarris,
+    /// The pixel's own square.
+    Box,
+}
+
+/// `[render]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Render {
+    /// Pixels across.
+    #[schemars(range(min = 1, max = 65536))]
+    pub width: u32,
+    /// Pixels down.
+    #[schemars(range(min = 1, max = 65536))]
+    pub height: u32,
+    /// Samples per pixel.
+    #[schemars(range(min = 1, max = 65536))]
+    pub samples: u32,
+    /// `whitted`.
+    pub integrator: Integrator,
+    /// Seed of every sequence.
+    pub seed: u32,
+    /// How often light may be reflected or refracted on its way.
+    #[schemars(range(min = 0, max = 1000))]
+    pub depth: u32,
+    /// `blackman-harris` or `box`.
+    pub filter: PixelFilter,
+    /// Width of the filter in pixels.
+    #[schemars(range(min = 0.1, max = 16.0))]
+    pub filter_width: f64,
+}
+impl Default for Render {
+    fn default() -> Self {
+        Self {
+            width: 1280,
+            height: 720,
+            samples: 16,
+            integrator: Integrator::Whitted,
+            seed: 0,
+            depth: 8,
+            filter: PixelFilter::BlackmanHarris,
+            filter_width: 3.3,
+        }
+    }
+}
+
+/// Accelerators by name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum AccelKind {
+    /// Embree 4.
+    #[default]
+    Embree,
+    /// Everything against everything.
+    Brute,
+}
+
+/// `[accel]`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Accel {
+    /// For the water, its sides and the bed.
+    pub water: AccelKind,
+    /// For spray, meshes, panels and spheres.
+    pub objects: AccelKind,
+}
+
+/// Who writes EXR files.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Writer {
+    /// The crate `exr`.
+    #[default]
+    Exr,
+    /// OpenImageIO, where it is built in.
+    Oiio,
+}
+
+/// Lossless and lossy compression of EXR parts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Compression {
+    /// ZIP over 16 lines, one part.
+    #[default]
+    Zip,
+    /// ZIP over single lines, one part.
+    Zips,
+    /// PIZ wavelets, one part.
+    Piz,
+    /// DWAA 45 for colour, ZIP for data: several parts.
+    Dwaa,
+    /// None.
+    None,
+}
+
+/// From scene-linear to a display.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum View {
+    /// A filmic curve, then sRGB.
+    #[default]
+    Filmic,
+    /// Clipped, then sRGB.
+    Srgb,
+}
+
+/// `[output]`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Output {
+    /// `exr` or `oiio`.
+    pub writer: Writer,
+    /// `zip`, `zips`, `piz`, `dwaa` or `none`.
+    pub compression: Compression,
+    /// `filmic` or `srgb`, for PNG, JPEG and BMP.
+    pub view: View,
+    /// Stops of exposure for PNG, JPEG and BMP.
+    pub exposure: f64,
+    /// Recorded in the file.
+    pub owner: Option<String>,
+    /// Recorded in the file.
+    pub comments: Option<String>,
+}

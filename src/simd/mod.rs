@@ -1,0 +1,1 @@
+//! Vector types over std::arch and the choice of instruction set at start.

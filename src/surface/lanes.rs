@@ -1,0 +1,95 @@
+//! Up to sixteen rays at once, as a surface is asked: plain arrays, so that any accelerator can fill them.
+
+use glam::Vec3;
+
+use super::SolveCounts;
+
+/// Rays per packet, whatever the processor's own width.
+pub const LANES: usize = 16;
+
+/// Sixteen rays in the scene's local frame; lanes outside `active` are ignored.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub struct LaneRays {
+    /// Origins: x, y, z.
+    pub origin: [[f32; LANES]; 3],
+    /// Directions: x, y, z; any length.
+    pub direction: [[f32; LANES]; 3],
+    /// Least t that counts.
+    pub tnear: [f32; LANES],
+    /// Greatest t that counts, inclusive.
+    pub tfar: [f32; LANES],
+    /// Tolerance of a hit, in t.
+    pub tolerance: [f32; LANES],
+    /// Growth of the tolerance per unit of t.
+    pub tolerance_growth: f32,
+    /// Bit per lane that holds a ray.
+    pub active: u16,
+}
+
+impl LaneRays {
+    /// No rays.
+    pub const EMPTY: Self = Self {
+        origin: [[0.0; LANES]; 3],
+        direction: [[0.0; LANES]; 3],
+        tnear: [0.0; LANES],
+        tfar: [0.0; LANES],
+        tolerance: [0.0; LANES],
+        tolerance_growth: 0.0,
+        active: 0,
+    };
+}
+
+/// Answers of a packet: only lanes whose bit is set in `hit` are written.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub struct LaneHits {
+    /// Distance in lengths of the direction.
+    pub t: [f32; LANES],
+    /// Primitive: patch index, or side.
+    pub primitive: [u32; LANES],
+    /// Place within the patch along x, 0..1.
+    pub u: [f32; LANES],
+    /// Place within the patch along z, 0..1.
+    pub v: [f32; LANES],
+    /// Normal, upward (outward for sides), any length: x, y, z.
+    pub normal: [[f32; LANES]; 3],
+    /// Bit per lane that hit within `tnear..=tfar`.
+    pub hit: u16,
+    /// Bit per lane for which the solver could not decide.
+    pub gave_up: u16,
+}
+
+impl LaneHits {
+    /// All lanes missing.
+    pub const EMPTY: Self = Self {
+        t: [f32::INFINITY; LANES],
+        primitive: [0; LANES],
+        u: [0.0; LANES],
+        v: [0.0; LANES],
+        normal: [[0.0; LANES]; 3],
+        hit: 0,
+        gave_up: 0,
+    };
+}
+
+/// A surface that answers sixteen rays at a time.
+pub trait LaneSurface: Send + Sync {
+    /// Least and greatest corner of a box that holds the whole surface (rounded outward).
+    fn bounds(&self) -> [Vec3; 2];
+    /// First hit of each active lane.
+    fn closest(&self, rays: &LaneRays, hits: &mut LaneHits, counts: &mut SolveCounts);
+    /// Bit per active lane that hits anything.
+    fn occluded(&self, rays: &LaneRays, counts: &mut SolveCounts) -> u16;
+    /// Bytes held above the heights themselves.
+    fn bytes(&self) -> u64;
+}
+
+/// A point of a surface, evaluated from the surface itself rather than along a ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfacePoint {
+    /// Position in the local frame.
+    pub position: Vec3,
+    /// Unit normal, upward.
+    pub normal: Vec3,
+}

@@ -1,0 +1,28 @@
+//! The water and the bed as height functions: uniform B-splines over the columns.
+
+mod lanes;
+mod sides;
+mod spline;
+
+pub use lanes::{LANES, LaneHits, LaneRays, LaneSurface, SurfacePoint};
+pub use sides::Sides;
+pub use spline::SplineSurface;
+
+/// Work and doubt of the solvers, summed over a batch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct SolveCounts {
+    /// Patches that a ray was solved against.
+    pub patches: u64,
+    /// Steps of the iteration.
+    pub iterations: u64,
+    /// Rays for which a solver could not decide between hit and miss.
+    pub gave_up: u64,
+}
+
+impl std::ops::AddAssign for SolveCounts {
+    fn add_assign(&mut self, other: Self) {
+        self.patches += other.patches;
+        self.iterations += other.iterations;
+        self.gave_up += other.gave_up;
+    }
+}

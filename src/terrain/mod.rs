@@ -1,0 +1,1 @@
+//! Meshes, panels, boulders, and the look of the ground.
