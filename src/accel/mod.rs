@@ -3,14 +3,32 @@
 //! A batch is a structure of arrays, sized for a tile. Accelerators stand behind one trait and are chosen by name at
 //! run time; whichever is chosen, the picture is the same.
 
-use crate::surface::SolveCounts;
+mod brute;
+mod embree;
+mod lanes;
+mod pair;
+#[cfg(test)]
+mod testing;
+
+use std::sync::Arc;
+
+use brute::Brute;
+pub use embree::EmbreeAccel;
+use pair::Pair;
+
+pub use crate::ffi::embree::EmbreeError;
+use crate::lower::{Discs, Lowered, Material, Part, Shape, Spheres, Triangles};
+use crate::scene::AccelKind;
+use crate::surface::{LaneSurface, SolveCounts};
 
 /// No part was hit.
 pub const NO_PART: u32 = u32::MAX;
 
 /// Rays in the scene's local frame (metres around the scene origin), one array per component.
 ///
-/// A direction need not be of unit length; `t` counts its lengths.
+/// A direction need not be of unit length; `t` counts its lengths. What is no ray misses everything and never reaches a
+/// solver: a component that is not finite, a zero direction, a negative `tnear`, `tnear > tfar`, a negative tolerance
+/// (`tfar` may be +inf).
 #[derive(Clone, Debug, Default)]
 pub struct RayBatch {
     /// Origins: x, y, z.
@@ -74,17 +92,31 @@ pub struct HitBatch {
     pub part: Vec<u32>,
     /// Primitive within the part: patch, sphere, disc, triangle, side.
     pub primitive: Vec<u32>,
-    /// First surface coordinate: within the patch (0..1 along x), or barycentric.
+    /// First surface coordinate: within the patch (0..1 along x), or a triangle's weight of its second vertex; 0 for
+    /// spheres and discs.
     pub u: Vec<f32>,
-    /// Second surface coordinate: within the patch (0..1 along z), or barycentric.
+    /// Second surface coordinate: within the patch (0..1 along z), or a triangle's weight of its third vertex.
     pub v: Vec<f32>,
-    /// Geometric normal, not normalised, as the accelerator gave it: x, y, z.
+    /// Geometric normal, not normalised: x, y, z. A surface's own; outward for spheres (hit - centre) and for triangles
+    /// that are counter-clockwise seen from outside; a disc's as given.
     pub normal: [Vec<f32>; 3],
     /// The solver could not decide: counted, and reported to whoever asked.
     pub gave_up: Vec<bool>,
 }
 
 impl HitBatch {
+    /// Room for `count` rays with whatever was there: for those who write every entry.
+    fn resize(&mut self, count: usize) {
+        self.t.resize(count, f32::INFINITY);
+        self.part.resize(count, NO_PART);
+        self.primitive.resize(count, 0);
+        self.u.resize(count, 0.0);
+        self.v.resize(count, 0.0);
+        for axis in &mut self.normal {
+            axis.resize(count, 0.0);
+        }
+        self.gave_up.resize(count, false);
+    }
     /// Makes room for `count` rays, all missing.
     pub fn reset(&mut self, count: usize) {
         fn fill<T: Clone>(values: &mut Vec<T>, count: usize, value: T) {
@@ -101,6 +133,60 @@ impl HitBatch {
         }
         fill(&mut self.gave_up, count, false);
     }
+}
+
+/// What an accelerator can be built over.
+#[derive(Clone)]
+pub enum Geometry {
+    /// A surface that answers lanes of rays.
+    Lanes(Arc<dyn LaneSurface>),
+    /// Spheres.
+    Spheres(Arc<Spheres>),
+    /// Oriented discs.
+    Discs(Arc<Discs>),
+    /// Triangles.
+    Triangles(Arc<Triangles>),
+}
+
+impl From<&Shape> for Geometry {
+    fn from(shape: &Shape) -> Self {
+        match shape {
+            Shape::Surface(surface) => Self::Lanes(Arc::clone(surface) as Arc<dyn LaneSurface>),
+            Shape::Sides(sides) => Self::Lanes(Arc::clone(sides) as Arc<dyn LaneSurface>),
+            Shape::Spheres(spheres) => Self::Spheres(Arc::clone(spheres)),
+            Shape::Discs(discs) => Self::Discs(Arc::clone(discs)),
+            Shape::Triangles(triangles) => Self::Triangles(Arc::clone(triangles)),
+        }
+    }
+}
+
+/// Geometry with its parts' indices.
+fn geometry_of(parts: &[Part], chosen: impl Fn(&Part) -> bool) -> Vec<(u32, Geometry)> {
+    (0..).zip(parts).filter(|(_, part)| chosen(part)).map(|(index, part)| (index, (&part.shape).into())).collect()
+}
+
+/// Counts by kind, of the kinds that are there.
+fn count_primitives(geometry: &[(u32, Geometry)]) -> Vec<(String, u64)> {
+    let mut counts = [("surfaces", 0), ("spheres", 0), ("discs", 0), ("triangles", 0)];
+    for (_, geometry) in geometry {
+        let (kind, count) = match geometry {
+            Geometry::Lanes(_) => (0, 1),
+            Geometry::Spheres(spheres) => (1, spheres.center.len()),
+            Geometry::Discs(discs) => (2, discs.center.len()),
+            Geometry::Triangles(triangles) => (3, triangles.index.len()),
+        };
+        counts[kind].1 += count as u64;
+    }
+    counts.into_iter().filter(|&(_, count)| count > 0).map(|(kind, count)| (kind.to_owned(), count)).collect()
+}
+
+/// Why an accelerator could not be built.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum AccelError {
+    /// Embree's reason.
+    #[error(transparent)]
+    Embree(#[from] EmbreeError),
 }
 
 /// What an accelerator says of itself.
@@ -124,4 +210,30 @@ pub trait Accelerator: Send + Sync {
     fn occluded(&self, rays: &RayBatch, occluded: &mut Vec<bool>, counts: &mut SolveCounts);
     /// Name, memory, build time.
     fn stats(&self) -> AccelStats;
+}
+
+/// Builds the accelerator that a scene names over all parts; a hit's part is the index in `lowered.parts`.
+///
+/// # Errors
+/// Embree is asked for and missing, or a part cannot be given to it.
+pub fn build(lowered: &Lowered, water: AccelKind, objects: AccelKind) -> Result<Box<dyn Accelerator>, AccelError> {
+    if water == objects {
+        return one(geometry_of(&lowered.parts, |_| true), water);
+    }
+    let water = one(geometry_of(&lowered.parts, on_water_axis), water)?;
+    let objects = one(geometry_of(&lowered.parts, |part| !on_water_axis(part)), objects)?;
+    Ok(Box::new(Pair { water, objects }))
+}
+
+/// `accel.water` serves the water, its sides and the bed, also where triangles stand in for the splines.
+fn on_water_axis(part: &Part) -> bool {
+    matches!(part.shape, Shape::Surface(_) | Shape::Sides(_))
+        || matches!(part.material, Material::Water | Material::Ground)
+}
+
+fn one(geometry: Vec<(u32, Geometry)>, kind: AccelKind) -> Result<Box<dyn Accelerator>, AccelError> {
+    Ok(match kind {
+        AccelKind::Embree => Box::new(EmbreeAccel::new(&geometry)?),
+        AccelKind::Brute => Box::new(Brute::new(geometry)),
+    })
 }
