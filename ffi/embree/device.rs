@@ -212,7 +212,7 @@ mod tests {
             device.embree().rtcReleaseGeometry(geometry);
         }
         let error = device.check("rtcSetGeometryTimeStepCount").unwrap_err().to_string();
-        assert!(error.contains("rtcSetGeometryTimeStepCount") && error.contains("RTC_ERROR_INVALID"), "{error}");
+        assert!(error.contains("rtcSetGeometryTimeStepCount") && error.contains("Invalid"), "{error}");
         assert!(error.contains("time"), "Embree's own words are missing: {error}");
         device.check("nothing").unwrap();
     }

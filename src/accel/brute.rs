@@ -30,6 +30,7 @@ struct Hit {
 }
 
 impl Brute {
+    /// Takes geometry that [`super::check`] has passed.
     pub(super) fn new(geometry: Vec<(u32, Geometry)>) -> Self {
         Self { geometry }
     }
@@ -38,7 +39,7 @@ impl Brute {
 /// Whether ray `index` is one at all (see [`RayBatch`]).
 fn is_ray(rays: &RayBatch, index: usize) -> bool {
     let (tnear, tolerance) = (rays.tnear[index], rays.tolerance[index]);
-    let interval = tnear >= 0.0 && tnear < f32::INFINITY && tnear <= rays.tfar[index];
+    let interval = tnear >= 0.0 && tnear < rays.tfar[index];
     let direction = rays.direction(index);
     rays.origin(index).is_finite()
         && direction.is_finite()

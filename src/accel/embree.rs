@@ -43,6 +43,7 @@ impl EmbreeAccel {
 
     fn with_settings(geometry: &[(u32, Geometry)], threads: usize, settings: &str) -> Result<Self, AccelError> {
         let start = Instant::now();
+        super::check(geometry)?;
         let device = Device::new(threads, settings)?;
         let mut builder = SceneBuilder::new(&device)?;
         let mut surface_bytes = 0;
@@ -156,8 +157,7 @@ impl Packet {
                 & (ray.dir_z[lane].abs() < f32::INFINITY);
             let somewhere = (ray.dir_x[lane] != 0.0) | (ray.dir_y[lane] != 0.0) | (ray.dir_z[lane] != 0.0);
             let interval = (ray.tnear[lane] >= 0.0)
-                & (ray.tnear[lane] < f32::INFINITY)
-                & (ray.tnear[lane] <= ray.tfar[lane])
+                & (ray.tnear[lane] < ray.tfar[lane])
                 & (self.tolerance[lane] >= 0.0)
                 & (self.tolerance[lane] < f32::INFINITY);
             self.valid.0[lane] = -i32::from(finite & somewhere & interval);
@@ -354,10 +354,11 @@ mod tests {
         rays.push(o, d, 0.0, f32::NEG_INFINITY, 0.1);
         rays.push(o, d, -1.0, 9.0, 0.1);
         rays.push(o, d, 2.0, 1.0, 0.1);
+        rays.push(o, d, 1.0, 1.0, 0.1);
         rays.push(o, d, 0.0, 9.0, -0.1);
         rays.push(o, Vec3::ZERO, 0.0, 9.0, 0.1);
         let misses = rays.len();
-        rays.push(o, d, 1.0, 1.0, 0.0); // A ray of one point, on the plane.
+        rays.push(o, d, 1.0, 1.0_f32.next_up(), 0.0); // The shortest ray, on the plane.
         let (hits, counts) = trace(&accel, &rays);
         let mut occluded = Vec::new();
         accel.occluded(&rays, &mut occluded, &mut SolveCounts::default());
@@ -453,7 +454,7 @@ mod tests {
         let mut on_plane = 0;
         for index in 0..rays.len() {
             let t = -rays.origin[1][index] / rays.direction[1][index];
-            if t >= 0.0 && t < without.t[index] {
+            if t >= 0.0 && t <= rays.tfar[index] && t < without.t[index] {
                 assert_eq!((all.part[index], all.t[index]), (3, t), "{index}");
                 on_plane += 1;
             }
