@@ -7,6 +7,7 @@ pub mod referee;
 mod sides;
 mod solve;
 mod spline;
+pub mod tessellate;
 mod walk;
 
 pub use lanes::{LANES, LaneHits, LaneRays, LaneSurface, SurfacePoint};
