@@ -133,7 +133,7 @@ fn frame_lines(encoding: Encoding, frame: &FrameSummary) -> Vec<(&'static str, S
         ("width", format!("{} x {} m", figure(frame.width[0]), figure(frame.width[1]))),
         ("origin", format!("x {}, z {} m", figure(frame.origin[0]), figure(frame.origin[1]))),
     ];
-    lines.extend(extent_lines(&frame.extent));
+    lines.extend(extent_lines(&frame.extent, ["x", "y", "z"]));
     lines.push(("base", range(&frame.base, "m")));
     lines.push(("top", range(&frame.top, "m")));
     lines.push(("pressure", range(&frame.pressure, "Pa")));
@@ -155,7 +155,7 @@ fn frame_lines(encoding: Encoding, frame: &FrameSummary) -> Vec<(&'static str, S
         lines.push(("  mass", format!("{} kg together, {} each", figure(particles.total_mass), range(mass, "kg"))));
         lines.push(("  speed", range(speed, "m/s")));
         lines.push(("  age", range(age, "s")));
-        lines.extend(extent_lines(extent).map(|(axis, text)| (["  x", "  y", "  z"][axis_index(axis)], text)));
+        lines.extend(extent_lines(extent, ["  x", "  y", "  z"]));
     }
     for array in &frame.extra {
         let shape = array.shape.iter().map(u64::to_string).collect::<Vec<_>>().join(" x ");
@@ -174,30 +174,25 @@ fn model_lines(model: &ModelSummary) -> Vec<(&'static str, String)> {
     ];
     lines.extend(model.meshes.iter().map(|path| ("  mesh", path.escape_debug().to_string())));
     if let Some(extent) = &model.extent {
-        lines.extend(extent_lines(extent));
+        lines.extend(extent_lines(extent, ["x", "y", "z"]));
     }
     lines
 }
 
-fn extent_lines(extent: &Extent) -> [(&'static str, String); 3] {
-    [("x", range(&extent.x, "m")), ("y", range(&extent.y, "m")), ("z", range(&extent.z, "m"))]
-}
-
-fn axis_index(axis: &str) -> usize {
-    match axis {
-        "x" => 0,
-        "y" => 1,
-        _ => 2,
-    }
+fn extent_lines(extent: &Extent, labels: [&'static str; 3]) -> [(&'static str, String); 3] {
+    let [x, y, z] = labels;
+    [(x, range(&extent.x, "m")), (y, range(&extent.y, "m")), (z, range(&extent.z, "m"))]
 }
 
 fn range(range: &Range, unit: &str) -> String {
     format!("{} to {} {unit}", figure(range.min), figure(range.max))
 }
 
-/// Six significant digits, without trailing zeros: enough for a look, and short.
+/// Six significant digits, but never coarser than a thousandth (UTM coordinates have more before the point), without
+/// trailing zeros.
 fn figure(value: f64) -> String {
-    let rounded: f64 = format!("{value:.5e}").parse().unwrap_or(value);
+    let rounded = if (1e3..1e9).contains(&value.abs()) { format!("{value:.3}") } else { format!("{value:.5e}") };
+    let rounded: f64 = rounded.parse().unwrap_or(value);
     if rounded == 0.0 {
         return "0".to_string();
     }
@@ -267,7 +262,7 @@ mod tests {
 
     #[test]
     fn figures_are_short() {
-        let shown = [0.1 + 0.2, -0.0, 1234567.0, 1e-7, 1e300, 74.48475548871764, -1e5].map(figure);
-        assert_eq!(shown, ["0.3", "0", "1234570", "1e-7", "1e300", "74.4848", "-100000"]);
+        let shown = [0.1 + 0.2, -0.0, 4123456.2504, 1e-7, 1e300, 74.48475548871764, -1e5].map(figure);
+        assert_eq!(shown, ["0.3", "0", "4123456.25", "1e-7", "1e300", "74.4848", "-100000"]);
     }
 }

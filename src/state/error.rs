@@ -231,7 +231,14 @@ impl From<Problem> for Stop {
 /// A piece of a file in back quotes, escaped and cut to what fits a message.
 pub(super) fn quote(text: &str) -> String {
     const SHOWN: usize = 60;
-    let mut shown: String = text.chars().take(SHOWN).flat_map(char::escape_debug).collect();
+    let mut shown = String::new();
+    for c in text.chars().take(SHOWN) {
+        match c {
+            // These would be escaped too, but do no harm within back quotes.
+            '\'' | '"' | '\\' => shown.push(c),
+            _ => shown.extend(c.escape_debug()),
+        }
+    }
     if text.chars().nth(SHOWN).is_some() {
         shown.push('…');
     }
