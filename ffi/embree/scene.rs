@@ -10,8 +10,8 @@ use glam::Vec3;
 use super::EmbreeError;
 use super::bindings::{
     RTCBufferType, RTCBuildQuality, RTCFeatureFlags, RTCFormat, RTCGeometry, RTCGeometryType, RTCIntersectArguments,
-    RTCOccludedArguments, RTCRay4, RTCRay8, RTCRay16, RTCRayHit, RTCRayHit4, RTCRayHit8, RTCRayHit16, RTCRayQueryFlags,
-    RTCScene, RTCSceneFlags,
+    RTCOccludedArguments, RTCRay, RTCRay4, RTCRay8, RTCRay16, RTCRayHit, RTCRayHit4, RTCRayHit8, RTCRayHit16,
+    RTCRayQueryFlags, RTCScene, RTCSceneFlags,
 };
 use super::device::{Device, PacketWidth};
 use super::packet::{Context, PacketGeometry, bounds_callback, intersect_callback, occluded_callback};
@@ -292,6 +292,20 @@ impl<P> CommittedScene<P> {
         let mut arguments = intersect_arguments(&mut context);
         // SAFETY: as in `intersect16`.
         unsafe { self.scene.device.embree().rtcIntersect1(self.scene.handle, ray, &mut arguments) };
+    }
+
+    /// Whether one ray hits anything: `tfar` becomes -inf where it does.
+    pub(crate) fn occluded1(&self, ray: &mut RTCRay, payload: &mut P) {
+        let mut context = Context::new(payload);
+        let mut arguments = RTCOccludedArguments {
+            flags: RTCRayQueryFlags::RTC_RAY_QUERY_FLAG_INCOHERENT,
+            feature_mask: RTCFeatureFlags::RTC_FEATURE_FLAG_ALL,
+            context: (&raw mut context).cast(),
+            filter: None,
+            occluded: None,
+        };
+        // SAFETY: as in `intersect16`.
+        unsafe { self.scene.device.embree().rtcOccluded1(self.scene.handle, ray, &mut arguments) };
     }
 
     /// Whether up to 16 rays hit anything: `tfar` becomes -inf where they do. In parts, as `intersect16`.

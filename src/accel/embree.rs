@@ -9,7 +9,9 @@ use std::time::Instant;
 
 use super::lanes::{IDENTITY, LaneGeometry, LanePayload};
 use super::{AccelError, AccelStats, Accelerator, Geometry, HitBatch, NO_PART, RayBatch, count_primitives};
-use crate::ffi::embree::{CommittedScene, Device, INVALID_GEOMETRY, Ray16, RayHit, RayHit16, SceneBuilder, Valid16};
+use crate::ffi::embree::{
+    CommittedScene, Device, INVALID_GEOMETRY, Ray, Ray16, RayHit, RayHit16, SceneBuilder, Valid16,
+};
 use crate::surface::{LANES, SolveCounts};
 
 // A miss needs no translation.
@@ -99,6 +101,25 @@ impl EmbreeAccel {
                 hits.normal[1][index] = single.hit.Ng_y;
                 hits.normal[2][index] = single.hit.Ng_z;
             }
+        }
+        *counts += payload.counts;
+    }
+
+    /// As [`Accelerator::occluded`], but one ray at a time through rtcOccluded1: the baseline of benchmarks.
+    pub fn occluded_single(&self, rays: &RayBatch, occluded: &mut Vec<bool>, counts: &mut SolveCounts) {
+        occluded.clear();
+        occluded.resize(rays.len(), false);
+        let mut payload = LanePayload { tolerance_growth: rays.tolerance_growth, ..LanePayload::EMPTY };
+        for (index, occluded) in occluded.iter_mut().enumerate() {
+            payload.tolerance[0] = rays.tolerance[index];
+            let mut ray = Ray::default();
+            [ray.org_x, ray.org_y, ray.org_z] = rays.origin(index).to_array();
+            [ray.dir_x, ray.dir_y, ray.dir_z] = rays.direction(index).to_array();
+            ray.tnear = rays.tnear[index];
+            ray.tfar = rays.tfar[index];
+            ray.mask = u32::MAX;
+            self.scene.occluded1(&mut ray, &mut payload);
+            *occluded = ray.tfar == f32::NEG_INFINITY;
         }
         *counts += payload.counts;
     }

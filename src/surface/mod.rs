@@ -1,5 +1,6 @@
 //! The water and the bed as height functions: uniform B-splines over the columns.
 
+pub mod audit;
 mod lanes;
 mod lattice;
 mod pyramid;
