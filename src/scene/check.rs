@@ -4,7 +4,7 @@
 use serde_json::{Map, Number, Value};
 
 use super::document::{Data, Entry, Node};
-use super::errors::SceneError;
+use super::errors::{MOST_ERRORS, SceneError};
 use super::shape::{Shape, join, nearest_key, nearest_name};
 
 /// Checks a whole file's root table. Returns what is right of it, and all that is wrong.
@@ -22,6 +22,9 @@ impl Checker {
     /// The value as JSON; `None` if it is wrong. A table is right without its wrong keys, unless they are required; an
     /// array with a wrong entry is wrong.
     fn value(&mut self, node: &Node, shape: &Shape, key: &str) -> Option<Value> {
+        if self.errors.len() >= MOST_ERRORS {
+            return None;
+        }
         match (shape, &node.data) {
             (Shape::Table(_), Data::Table(entries)) => self.table(node, entries, shape, key),
             (Shape::Array { item, least, most }, Data::Array(items)) => {
@@ -90,6 +93,7 @@ impl Checker {
                     Some(value) => drop(map.insert(name.clone(), value)),
                     None => whole &= !field.required,
                 },
+                None if self.errors.len() >= MOST_ERRORS => return None,
                 None => self.errors.push(SceneError::UnknownKey {
                     place: entry.key_place.clone(),
                     nearest: nearest_key(&path),

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use toml::de::{DeTable, DeValue};
 
-use super::errors::{Place, SceneError};
+use super::errors::{MOST_ERRORS, Place, SceneError};
 
 /// A value and where it was written.
 #[derive(Clone, Debug)]
@@ -66,12 +66,13 @@ impl Node {
     }
 }
 
-/// Reads a whole file's text: its root table and its syntax errors.
+/// Reads a whole file's text: its root table and its syntax errors (the first thousand).
 pub(super) fn parse(file: &Path, text: &str) -> (Node, Vec<SceneError>) {
     let source = Source { text, lines: Lines::new(text), file: Arc::from(file) };
     let (root, errors) = DeTable::parse_recoverable(text);
     let errors = errors
         .into_iter()
+        .take(MOST_ERRORS)
         .map(|error| {
             let span = error.span().unwrap_or(0..0);
             let shown = source.shown(span.clone());

@@ -205,7 +205,10 @@ impl SceneError {
     }
 }
 
-/// Everything that is wrong with a scene, in the order of the file; at least one error.
+/// The most errors that are kept of one scene: whoever has more has named the wrong file.
+pub(super) const MOST_ERRORS: usize = 1000;
+
+/// Everything that is wrong with a scene, in the order of the file; at least one error, at most a thousand.
 #[derive(Debug)]
 pub struct SceneErrors {
     errors: Vec<SceneError>,
@@ -216,6 +219,7 @@ impl SceneErrors {
     pub(super) fn new(mut errors: Vec<SceneError>) -> Self {
         assert!(!errors.is_empty(), "a list of scene errors holds at least one");
         errors.sort_by_key(|error| error.place().map_or((0, 0), Place::rank));
+        errors.truncate(MOST_ERRORS);
         Self { errors }
     }
 
@@ -238,6 +242,9 @@ impl fmt::Display for SceneErrors {
                 writeln!(formatter)?;
             }
             write!(formatter, "{error}")?;
+        }
+        if self.errors.len() == MOST_ERRORS {
+            write!(formatter, "\n(no more than {MOST_ERRORS} errors are reported)")?;
         }
         Ok(())
     }

@@ -14,8 +14,9 @@ use super::overrides::{self, Override};
 use super::shape::SCENE;
 use super::{Scene, check, rules};
 
-/// The largest scene file that is read. A camera key takes about 100 bytes, so this holds more frames than a film has.
-pub const MOST_BYTES: u64 = 64 << 20;
+/// The largest scene file that is read, in bytes. A camera key takes about 100, so this holds more frames than a film's
+/// shot has; a hostile file of this size costs the TOML parser a second and 500 MB, and both grow with it.
+pub const MOST_BYTES: u64 = 4 << 20;
 
 /// A scene with every default filled in, and where it came from.
 #[derive(Clone, Debug)]
@@ -436,7 +437,19 @@ eye = [0, 0, 0]
         std::fs::write(&path, b"[frames]\n\xc3\xa9\xff").expect("written");
         assert!(error(&path).contains("scene.toml:2:2: byte 0xff is not UTF-8"), "{}", error(&path));
         File::create(&path).and_then(|file| file.set_len(MOST_BYTES + 1)).expect("a sparse file");
-        assert!(error(&path).contains("larger than 67108864 bytes"), "{}", error(&path));
+        assert!(error(&path).contains("larger than 4194304 bytes"), "{}", error(&path));
+    }
+
+    #[test]
+    fn a_file_of_nothing_but_errors_reports_a_thousand() {
+        let unknown = |count: usize| (0..count).map(|index| format!("a{index} = 1\n")).collect::<String>();
+        // The thousandth is met within a table that has required keys.
+        let within = unknown(999) + "[[camera.key]]\na = 1\nb = 1\nframe = 1\neye = [1,1,1]\nlook_at = [0,0,0]\n";
+        for text in ["a\n".repeat(5000), unknown(5000), within] {
+            let errors = read_text(&text, &[]).expect_err("errors");
+            assert_eq!(errors.iter().count(), 1000);
+            assert!(errors.to_string().ends_with("(no more than 1000 errors are reported)"));
+        }
     }
 
     #[test]

@@ -37,6 +37,9 @@ pub(super) static SCENE: LazyLock<Shape> = LazyLock::new(|| {
     Shape::from_schema(&schema, &schema, "scene")
 });
 
+/// Full paths of all keys.
+static KEYS: LazyLock<Vec<String>> = LazyLock::new(|| SCENE.keys());
+
 /// The names that the key at a dotted path takes, in the order of its type; empty if it does not take names.
 pub fn names_of(key: &str) -> &'static [String] {
     match SCENE.find(key) {
@@ -211,7 +214,7 @@ pub(super) fn join(path: &str, name: &str) -> String {
 /// The known key that is nearest to an unknown one: a sibling with a like name, else a key of the same name in another
 /// table, else the nearest full path.
 pub(super) fn nearest_key(key: &str) -> String {
-    let keys = SCENE.keys();
+    let keys = &*KEYS;
     // Entries of arrays are all alike: compare as if it were the first.
     let plain: Vec<&str> =
         key.split('.').map(|segment| if segment.parse::<usize>().is_ok() { "0" } else { segment }).collect();
