@@ -49,7 +49,9 @@ pub fn load(path: &Path, overrides: &[Override]) -> Result<LoadedScene, SceneErr
         Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
         _ => PathBuf::from("."),
     };
-    Ok(LoadedScene { hash: hash(&scene), scene, path: path.to_owned(), directory })
+    let hash = hash(&scene);
+    tracing::debug!(file = %path.display(), overrides = overrides.len(), hash, "scene read");
+    Ok(LoadedScene { scene, path: path.to_owned(), directory, hash })
 }
 
 fn read(path: &Path) -> Result<String, SceneError> {
