@@ -87,7 +87,7 @@ fn usage_errors_end_with_code_2() {
         let output = whitewater(arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}");
         assert_eq!(out(&output), "", "{arguments:?}");
-        assert!(complaint(&output).contains("Usage:"), "{arguments:?}: {}", complaint(&output));
+        assert!(complaint(&output).contains("--help"), "{arguments:?}: {}", complaint(&output));
     }
     assert!(complaint(&whitewater(&["rendr"])).contains("'render'"));
 }
@@ -134,6 +134,9 @@ fn a_missing_file_or_a_folder_is_named() {
     assert_eq!(errors, [format!("{}: there is no such scene file", missing.display())]);
     let errors = refused(&whitewater(&["render", folder.path().to_str().expect("a path")]));
     assert!(errors[0].contains("this is a folder"), "{errors:?}");
+    let frame = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/small/time000.state");
+    let errors = refused(&whitewater(&["render", frame]));
+    assert!(errors.len() == 1 && errors[0].contains("this is a simulation file"), "{errors:?}");
 }
 
 #[test]

@@ -82,7 +82,11 @@ pub fn report(error: &CliError, out: &mut impl Write) -> io::Result<()> {
                 chain(error, out)?;
             }
             let count = errors.iter().count();
-            if count > 1 { writeln!(out, "{count} errors") } else { Ok(()) }
+            match count {
+                1 => Ok(()),
+                SceneErrors::MOST => writeln!(out, "{count} errors or more"),
+                _ => writeln!(out, "{count} errors"),
+            }
         }
         CliError::Other(error) => chain(error.as_ref(), out),
         error => chain(error, out),

@@ -4,11 +4,11 @@
 use serde_json::{Map, Number, Value};
 
 use super::document::{Data, Entry, Node};
-use super::errors::{MOST_ERRORS, SceneError};
+use super::errors::{SceneError, SceneErrors};
 use super::shape::{Shape, join, nearest_key, nearest_name};
 
 /// Checks a whole file's root table. Returns what is right of it, and all that is wrong.
-pub(super) fn check(root: &Node, shape: &Shape) -> (Value, Vec<SceneError>) {
+pub(super) fn check(root: &Node, shape: &'static Shape) -> (Value, Vec<SceneError>) {
     let mut checker = Checker { errors: Vec::new() };
     let value = checker.value(root, shape, "").unwrap_or_else(|| Value::Object(Map::new()));
     (value, checker.errors)
@@ -21,8 +21,8 @@ struct Checker {
 impl Checker {
     /// The value as JSON; `None` if it is wrong. A table is right without its wrong keys, unless they are required; an
     /// array with a wrong entry is wrong.
-    fn value(&mut self, node: &Node, shape: &Shape, key: &str) -> Option<Value> {
-        if self.errors.len() >= MOST_ERRORS {
+    fn value(&mut self, node: &Node, shape: &'static Shape, key: &str) -> Option<Value> {
+        if self.errors.len() >= SceneErrors::MOST {
             return None;
         }
         match (shape, &node.data) {
@@ -47,7 +47,7 @@ impl Checker {
                     place: node.place.clone(),
                     key: key.to_owned(),
                     value: node.shown.clone(),
-                    allowed: names.clone(),
+                    allowed: names,
                     nearest: nearest_name(names, text),
                 });
                 None
@@ -80,7 +80,7 @@ impl Checker {
         &mut self,
         node: &Node,
         entries: &std::collections::BTreeMap<String, Entry>,
-        shape: &Shape,
+        shape: &'static Shape,
         key: &str,
     ) -> Option<Value> {
         let Shape::Table(fields) = shape else { return None };
@@ -93,7 +93,7 @@ impl Checker {
                     Some(value) => drop(map.insert(name.clone(), value)),
                     None => whole &= !field.required,
                 },
-                None if self.errors.len() >= MOST_ERRORS => return None,
+                None if self.errors.len() >= SceneErrors::MOST => return None,
                 None => self.errors.push(SceneError::UnknownKey {
                     place: entry.key_place.clone(),
                     nearest: nearest_key(&path),
@@ -124,7 +124,7 @@ impl Checker {
         None
     }
 
-    fn out_of_range(&mut self, node: &Node, key: &str, shape: &Shape) -> Option<Value> {
+    fn out_of_range(&mut self, node: &Node, key: &str, shape: &'static Shape) -> Option<Value> {
         self.errors.push(SceneError::OutOfRange {
             place: node.place.clone(),
             key: key.to_owned(),

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use toml::de::{DeTable, DeValue};
 
-use super::errors::{MOST_ERRORS, Place, SceneError};
+use super::errors::{Place, SceneError, SceneErrors};
 
 /// A value and where it was written.
 #[derive(Clone, Debug)]
@@ -66,13 +66,13 @@ impl Node {
     }
 }
 
-/// Reads a whole file's text: its root table and its syntax errors (the first thousand).
+/// Reads a whole file's text: its root table and its syntax errors (the first hundred).
 pub(super) fn parse(file: &Path, text: &str) -> (Node, Vec<SceneError>) {
     let source = Source { text, lines: Lines::new(text), file: Arc::from(file) };
     let (root, errors) = DeTable::parse_recoverable(text);
     let errors = errors
         .into_iter()
-        .take(MOST_ERRORS)
+        .take(SceneErrors::MOST)
         .map(|error| {
             let span = error.span().unwrap_or(0..0);
             let shown = source.shown(span.clone());
@@ -191,11 +191,11 @@ impl Lines {
         Self { starts, characters }
     }
 
-    fn locate(&self, text: &str, offset: usize) -> (usize, usize) {
+    fn locate(&self, text: &str, offset: usize) -> (u32, u32) {
         let offset = offset.min(text.len());
         let line = self.starts.partition_point(|start| *start <= offset).max(1);
         let start = self.starts[line - 1].min(offset);
-        (line, self.count(text, offset) - self.count(text, start) + 1)
+        (number(line), number(self.count(text, offset) - self.count(text, start) + 1))
     }
 
     fn count(&self, text: &str, offset: usize) -> usize {
@@ -205,16 +205,21 @@ impl Lines {
     }
 }
 
+/// Lines and columns of a text that is never larger than a scene file may be.
+fn number(count: usize) -> u32 {
+    u32::try_from(count).unwrap_or(u32::MAX)
+}
+
 fn starts_character(byte: u8) -> bool {
     byte & 0b1100_0000 != 0b1000_0000
 }
 
 /// Line and column (from 1, in bytes of valid text before it) of the byte at which UTF-8 ends.
-pub(super) fn locate_byte(bytes: &[u8], offset: usize) -> (usize, usize) {
+pub(super) fn locate_byte(bytes: &[u8], offset: usize) -> (u32, u32) {
     let before = &bytes[..offset];
     let start = before.iter().rposition(|byte| *byte == b'\n').map_or(0, |newline| newline + 1);
     let line = before.iter().filter(|byte| **byte == b'\n').count() + 1;
-    (line, before[start..].iter().filter(|byte| starts_character(**byte)).count() + 1)
+    (number(line), number(before[start..].iter().filter(|byte| starts_character(**byte)).count() + 1))
 }
 
 #[cfg(test)]
@@ -226,8 +231,8 @@ mod tests {
         for length in [0, 1, 1022, 1023, 1024, 1025, 2048, 5000] {
             let text = format!("first\n{}x", "é".repeat(length));
             let lines = Lines::new(&text);
-            assert_eq!(lines.locate(&text, text.len() - 1), (2, length + 1));
-            assert_eq!(lines.locate(&text, text.len()), (2, length + 2));
+            assert_eq!(lines.locate(&text, text.len() - 1), (2, number(length + 1)));
+            assert_eq!(lines.locate(&text, text.len()), (2, number(length + 2)));
         }
         let text = "\u{feff}a = 1";
         assert_eq!(Lines::new(text).locate(text, 3), (1, 1), "a byte order mark is no column");

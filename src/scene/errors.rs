@@ -14,9 +14,9 @@ pub enum Place {
         /// The scene file as it was named.
         file: Arc<Path>,
         /// Line.
-        line: usize,
+        line: u32,
         /// Column.
-        column: usize,
+        column: u32,
     },
     /// On the command line, as `--set camera.fov` or `--solver`.
     Argument(Arc<str>),
@@ -33,10 +33,10 @@ impl fmt::Display for Place {
 
 impl Place {
     /// Orders errors as a reader meets them: down the file, then along the command line.
-    fn rank(&self) -> (usize, usize) {
+    fn rank(&self) -> (u32, u32) {
         match self {
             Self::File { line, column, .. } => (*line, *column),
-            Self::Argument(_) => (usize::MAX, 0),
+            Self::Argument(_) => (u32::MAX, 0),
         }
     }
 }
@@ -80,6 +80,14 @@ pub enum SceneError {
         place: Place,
         /// Its value.
         byte: u8,
+    },
+    /// A file of the simulation.
+    #[error("{}: this is a simulation file ({signature}); expected a scene file (TOML), which names such files", path.display())]
+    Simulation {
+        /// The file.
+        path: PathBuf,
+        /// Its first word.
+        signature: &'static str,
     },
     /// Not TOML.
     #[error("{place}: {message}")]
@@ -133,7 +141,7 @@ pub enum SceneError {
         /// The value as written.
         value: String,
         /// The names that the key takes.
-        allowed: Vec<String>,
+        allowed: &'static [String],
         /// The one that is nearest.
         nearest: String,
     },
@@ -179,6 +187,7 @@ impl SceneError {
             | Self::Directory { .. }
             | Self::Unreadable { .. }
             | Self::TooLarge { .. }
+            | Self::Simulation { .. }
             | Self::MalformedOverride { .. } => None,
             Self::NotText { place, .. }
             | Self::Syntax { place, .. }
@@ -205,21 +214,21 @@ impl SceneError {
     }
 }
 
-/// The most errors that are kept of one scene: whoever has more has named the wrong file.
-pub(super) const MOST_ERRORS: usize = 1000;
-
-/// Everything that is wrong with a scene, in the order of the file; at least one error, at most a thousand.
+/// Everything that is wrong with a scene, in the order of the file; at least one error, at most [`SceneErrors::MOST`].
 #[derive(Debug)]
 pub struct SceneErrors {
     errors: Vec<SceneError>,
 }
 
 impl SceneErrors {
+    /// The most errors that are kept of one scene: whoever has more has named the wrong file.
+    pub const MOST: usize = 100;
+
     /// Sorts the errors by place.
     pub(super) fn new(mut errors: Vec<SceneError>) -> Self {
         assert!(!errors.is_empty(), "a list of scene errors holds at least one");
         errors.sort_by_key(|error| error.place().map_or((0, 0), Place::rank));
-        errors.truncate(MOST_ERRORS);
+        errors.truncate(Self::MOST);
         Self { errors }
     }
 
@@ -242,9 +251,6 @@ impl fmt::Display for SceneErrors {
                 writeln!(formatter)?;
             }
             write!(formatter, "{error}")?;
-        }
-        if self.errors.len() == MOST_ERRORS {
-            write!(formatter, "\n(no more than {MOST_ERRORS} errors are reported)")?;
         }
         Ok(())
     }

@@ -35,6 +35,11 @@ impl Override {
         Self { option: option.into(), key: key.into(), value: None }
     }
 
+    /// What was typed to set it, without the value: errors name this.
+    pub fn option(&self) -> &str {
+        &self.option
+    }
+
     /// The key's full path.
     pub fn key(&self) -> &str {
         &self.key
