@@ -66,12 +66,15 @@ impl Progress {
     pub fn start(&self, index: usize, number: i64, width: u32, height: u32) {
         let title = format!("frame {number} ({index} of {})", self.frames);
         let (began, began_at) = (Instant::now(), local_now());
-        self.say(&format!("{title}: {width}x{height}, started {}", clock(began_at)));
         if let Look::Bar(bar) = &self.look {
             bar.reset();
-            bar.set_length(0);
+            // The first tile tells how many there are; a bar of none would stand at 100 %.
+            bar.set_length(1);
             bar.set_prefix(title.clone());
-            bar.set_message("");
+            bar.set_message("preparing");
+        }
+        self.say(&format!("{title}: {width}x{height}, started {}", clock(began_at)));
+        if let Look::Bar(bar) = &self.look {
             bar.enable_steady_tick(Duration::from_millis(250));
             *lock(&BAR) = Some(bar.clone());
         }
