@@ -64,7 +64,7 @@ pub struct SceneArgs {
     /// The scene file (TOML)
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
-    /// Override a key of the scene; VALUE is TOML or a bare string [repeatable]
+    /// Override a key of the scene; VALUE is TOML or a bare string (repeatable)
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<Override>,
 }
@@ -260,7 +260,7 @@ pub struct BenchArgs {
     /// Threads [default: 1]
     #[arg(long, value_name = "N", value_parser = threads)]
     pub threads: Option<NonZeroUsize>,
-    /// Size of the water [repeatable; default: 400x400]
+    /// Size of the water (repeatable) [default: 400x400]
     #[arg(long, value_name = "NXxNZ")]
     pub columns: Vec<GridSize>,
 }
