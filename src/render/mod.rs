@@ -1,1 +1,3 @@
 //! Camera, sampler, film, tiles and integrators.
+
+pub mod observer;
