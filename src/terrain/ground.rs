@@ -108,8 +108,8 @@ const fn rgb(r: f32, g: f32, b: f32) -> Vec3 {
 impl Natural {
     fn look(&self, point: &GroundPoint, footprint: f32) -> (Vec3, Vec3) {
         let p = point.position;
-        let broad = self.patches.value(p, footprint, 0, 5, 0.55);
-        let (fine, slope) = self.grain.with_slope(p, footprint, 0, 7, 0.7);
+        let broad = self.patches.plan(p, footprint, 0, 5, 0.55);
+        let (fine, slope) = self.grain.with_slope(p, footprint, 0, 6, 0.7);
         // Borders are ragged by both scales of noise.
         let ragged = 0.7 * broad + 0.35 * fine;
         let height = point.height_above_water + 0.7 * self.shore * ragged;
@@ -155,18 +155,18 @@ impl Natural {
 
     fn grass(&self, p: Vec3, footprint: f32, broad: f32, fine: f32) -> Vec3 {
         // Tufts: the finest octaves alone, so that they show against the patches.
-        let tufts = self.grain.value(p, footprint, 3, 8, 0.8);
-        let lush = rgb(0.052, 0.080, 0.022);
+        let tufts = self.grain.plan(p, footprint, 3, 8, 0.8);
+        let lush = rgb(0.050, 0.070, 0.024);
         let dry = rgb(0.190, 0.168, 0.078);
-        let green = lush.lerp(rgb(0.105, 0.128, 0.040), ramp(-0.6, 0.6, tufts));
-        green.lerp(dry, 0.75 * ramp(-0.1, 0.8, broad + 0.5 * fine)) * (1.0 + 0.3 * tufts.max(-1.0))
+        let green = lush.lerp(rgb(0.098, 0.112, 0.042), ramp(-0.6, 0.6, tufts));
+        green.lerp(dry, 0.8 * ramp(-0.2, 0.7, broad + 0.5 * fine)) * (1.0 + 0.3 * tufts.max(-1.0))
     }
 
     fn sand(&self, p: Vec3, footprint: f32, broad: f32, fine: f32, height: f32) -> Vec3 {
-        let stones = self.grain.value(p + Vec3::splat(31.7), footprint, 1, 7, 0.85);
-        let sand = rgb(0.335, 0.285, 0.205) * (1.0 + 0.12 * fine);
+        let stones = self.grain.plan(p, footprint, 1, 7, 0.85);
+        let sand = rgb(0.300, 0.258, 0.192) * (1.0 + 0.12 * fine);
         // Stones of two colours, as a river brings them.
-        let gravel = rgb(0.155, 0.148, 0.138).lerp(rgb(0.315, 0.282, 0.232), ramp(-0.5, 0.5, stones)) * (1.0 + 0.25 * fine);
+        let gravel = rgb(0.155, 0.148, 0.138).lerp(rgb(0.315, 0.282, 0.232), ramp(-0.5, 0.5, stones)) * (1.0 + 0.25 * fine + 0.3 * broad);
         // The current carries sand away: gravel under water and at its edge, sand where it dries out, both in patches.
         let washed = ramp(0.5, -0.4, height / self.shore - 0.8 * broad);
         sand.lerp(gravel, (0.25 + 0.75 * washed).min(1.0))

@@ -189,8 +189,8 @@ mod tests {
         let line = Waterline::build(&columns(61, 5, &[(10, 2, 2.0), (50, 2, 4.0)]), 1e-3, DVec3::new(100.0, 0.0, 200.0));
         let level = |x: usize| line.level(2.0 * x as f32, 4.0).unwrap();
         assert!((level(2) - 2.0).abs() < 1e-6);
-        assert!((level(20) - 2.0).abs() < 1e-6);
-        assert!((level(40) - 4.0).abs() < 1e-6);
+        assert!((level(20) - 2.0).abs() < 1e-2);
+        assert!((level(40) - 4.0).abs() < 1e-2);
         assert!(level(30) > 2.2 && level(30) < 3.8, "smooth between: {}", level(30));
         // Beyond the map the edge goes on.
         assert_eq!(line.level(-1e9, 4.0), line.level(0.0, 4.0));

@@ -20,9 +20,9 @@ fn swatch(width: f64, metres: f32, size: u32) -> image::RgbImage {
     let height = |x: f32, z: f32| {
         let across = x / metres;
         let p = Vec3::new(x, 0.0, z);
-        let hills = relief.value(p, 0.0, 0, 4, 0.5);
+        let hills = relief.plan(p, 0.0, 0, 4, 0.5);
         let bank = band * (-3.0 + 14.0 * across);
-        let boulder = (relief.value(p * 1.9 + Vec3::splat(9.0), 0.0, 0, 2, 0.5) - 0.28).max(0.0);
+        let boulder = (relief.plan(p * 1.9 + Vec3::splat(9.0), 0.0, 0, 2, 0.5) - 0.28).max(0.0);
         bank + 2.5 * band * hills + boulder.sqrt() * 0.16 * detail
     };
     let sun = Vec3::new(-0.5, 0.65, -0.55).normalize();
@@ -44,8 +44,23 @@ fn swatches() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("target/look");
     std::fs::create_dir_all(&folder).unwrap();
     for (name, width, metres) in [("brook_near", 0.25, 4.0), ("brook", 0.25, 20.0), ("river_far", 0.25, 100.0), ("county", 90.0, 12_000.0)] {
-        let start = std::time::Instant::now();
         swatch(width, metres, 700).save(folder.join(format!("ground_{name}.png"))).unwrap();
-        println!("{name}: {:.0} ns per pixel with its relief", start.elapsed().as_secs_f64() * 1e9 / 490_000.0);
+    }
+}
+
+#[test]
+#[ignore = "measures, for a person to read"]
+fn price_of_a_look() {
+    let ground = Ground::build(&scene::Terrain::default(), 0.25, DVec3::new(1000.0, 0.0, 500.0));
+    for (footprint, height) in [(0.0, 3.0f32), (0.0, 0.0), (0.01, 0.0), (0.1, 3.0)] {
+        let start = std::time::Instant::now();
+        let mut sum = Vec3::ZERO;
+        for i in 0..200_000 {
+            let position = Vec3::new(i as f32 * 0.0137, 0.0, i as f32 * 0.0071);
+            let point = GroundPoint { position, normal: Vec3::Y, height_above_water: height, water_depth: 0.0 };
+            let (albedo, normal) = ground.look(&point, footprint);
+            sum += albedo + normal;
+        }
+        println!("footprint {footprint} height {height}: {:.0} ns per look ({sum})", start.elapsed().as_secs_f64() * 5e3);
     }
 }
