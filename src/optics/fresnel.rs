@@ -83,6 +83,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    use std::f32::consts::{FRAC_PI_2 as QUARTER, TAU as TURN};
+
     const WATER: f32 = 1.333;
 
     fn unit(theta: f32, phi: f32) -> Vec3 {
@@ -159,8 +161,8 @@ mod tests {
 
     proptest! {
         #[test]
-        fn refraction_obeys_snell_and_stays_in_the_plane(theta in 0.0f32..1.5707, phi in 0.0f32..6.28,
-            tilt in 0.0f32..3.1, turn in 0.0f32..6.28, from in 1.0f32..2.5, to in 1.0f32..2.5) {
+        fn refraction_obeys_snell_and_stays_in_the_plane(theta in 0.0f32..QUARTER, phi in 0.0f32..TURN,
+            tilt in 0.0f32..3.1, turn in 0.0f32..TURN, from in 1.0f32..2.5, to in 1.0f32..2.5) {
             let n = unit(tilt, turn);
             let rotation = glam::Quat::from_rotation_arc(Vec3::Y, n);
             let d = -(rotation * unit(theta, phi));
@@ -180,7 +182,7 @@ mod tests {
         }
 
         #[test]
-        fn mirroring_keeps_length_and_angle(theta in 0.0f32..1.5707, phi in 0.0f32..6.28) {
+        fn mirroring_keeps_length_and_angle(theta in 0.0f32..QUARTER, phi in 0.0f32..TURN) {
             let d = -unit(theta, phi);
             let r = reflect(d, Vec3::Y);
             prop_assert!((r.length() - 1.0).abs() < 1e-6);

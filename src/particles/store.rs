@@ -67,7 +67,7 @@ impl Spray {
         self.radius.is_empty()
     }
 
-    /// Colour and opacity of particle `index`, within 1/131070 of [`appearance`].
+    /// Colour and opacity of particle `index`, within 1/131070 of what [`appearance()`] says.
     #[inline]
     pub fn appearance(&self, index: usize) -> Appearance {
         let [r, g, b, opacity] = self.look[index].map(|share| f32::from(share) * (1.0 / 65535.0));

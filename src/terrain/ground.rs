@@ -36,6 +36,8 @@ enum Kind {
 
 #[derive(Clone, Debug)]
 struct Natural {
+    /// A slow drift between patches of meadow, so that a wide view is not the same everywhere.
+    regions: Field,
     /// Large patches, from `detail` downward.
     patches: Field,
     /// Grain and relief, from a tenth of `detail` downward.
@@ -58,6 +60,7 @@ impl Ground {
                 // Shores grow more slowly than the landscape: decimetres by a brook, metres by a river valley of 90 m columns.
                 let shore = (0.06 * detail.powf(0.6)) as f32;
                 Kind::Natural(Box::new(Natural {
+                    regions: Field::new(5.3 * detail, origin, 3),
                     patches: Field::new(detail, origin, 1),
                     grain: Field::new(0.11 * detail, origin, 2),
                     shore,
@@ -108,7 +111,7 @@ const fn rgb(r: f32, g: f32, b: f32) -> Vec3 {
 impl Natural {
     fn look(&self, point: &GroundPoint, footprint: f32) -> (Vec3, Vec3) {
         let p = point.position;
-        let broad = self.patches.plan(p, footprint, 0, 5, 0.55);
+        let broad = self.patches.plan(p, footprint, 0, 5, 0.55) + 0.5 * self.regions.plan(p, footprint, 0, 1, 1.0);
         let (fine, slope) = self.grain.with_slope(p, footprint, 0, 6, 0.7);
         // Borders are ragged by both scales of noise.
         let ragged = 0.7 * broad + 0.35 * fine;
@@ -133,7 +136,8 @@ impl Natural {
         }
 
         let reach = self.wet * (0.7 + 0.6 * ragged).max(0.1);
-        let wetness = if point.water_depth > 0.0 { 1.0 } else { 1.0 - ramp(0.3 * reach, reach, point.height_above_water) };
+        let wetness =
+            if point.water_depth > 0.0 { 1.0 } else { 1.0 - ramp(0.3 * reach, reach, point.height_above_water) };
         if wetness > 0.0 {
             albedo = albedo.lerp(wet(albedo), wetness);
             // A brown-green film grows on what stays under water.
@@ -166,7 +170,8 @@ impl Natural {
         let stones = self.grain.plan(p, footprint, 1, 7, 0.85);
         let sand = rgb(0.300, 0.258, 0.192) * (1.0 + 0.12 * fine);
         // Stones of two colours, as a river brings them.
-        let gravel = rgb(0.155, 0.148, 0.138).lerp(rgb(0.315, 0.282, 0.232), ramp(-0.5, 0.5, stones)) * (1.0 + 0.25 * fine + 0.3 * broad);
+        let gravel = rgb(0.155, 0.148, 0.138).lerp(rgb(0.315, 0.282, 0.232), ramp(-0.5, 0.5, stones))
+            * (1.0 + 0.25 * fine + 0.3 * broad);
         // The current carries sand away: gravel under water and at its edge, sand where it dries out, both in patches.
         let washed = ramp(0.5, -0.4, height / self.shore - 0.8 * broad);
         sand.lerp(gravel, (0.25 + 0.75 * washed).min(1.0))

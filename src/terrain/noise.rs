@@ -82,7 +82,14 @@ impl Field {
     /// Sum of octaves in space, and beside it their gradients with equal weight: the slope of a relief whose bumps are as
     /// high as they are wide, times a constant.
     #[inline]
-    pub(super) fn with_slope(&self, position: Vec3, footprint: f32, first: usize, last: usize, gain: f32) -> (f32, Vec3) {
+    pub(super) fn with_slope(
+        &self,
+        position: Vec3,
+        footprint: f32,
+        first: usize,
+        last: usize,
+        gain: f32,
+    ) -> (f32, Vec3) {
         let (mut sum, mut slope, mut amplitude) = (0.0, Vec3::ZERO, 1.0);
         for octave in &self.octaves[first..last] {
             let visible = visibility(1.0, footprint * octave.frequency);
@@ -196,7 +203,8 @@ fn gradient_noise(place: Vec3, cell: [i32; 3], seed: u32) -> (f32, Vec3) {
         (a + (b - a) * wx, b.w - a.w)
     };
     let (e00, e10, e01, e11) = (edge(0, 0), edge(1, 0), edge(0, 1), edge(1, 1));
-    let face = |a: (glam::Vec4, f32), b: (glam::Vec4, f32)| (a.0 + (b.0 - a.0) * wy, b.0.w - a.0.w, a.1 + (b.1 - a.1) * wy);
+    let face =
+        |a: (glam::Vec4, f32), b: (glam::Vec4, f32)| (a.0 + (b.0 - a.0) * wy, b.0.w - a.0.w, a.1 + (b.1 - a.1) * wy);
     let (near, far) = (face(e00, e10), face(e01, e11));
     let all = near.0 + (far.0 - near.0) * wz;
     let weights = Vec3::new(

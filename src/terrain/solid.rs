@@ -32,7 +32,9 @@ pub fn panel(panel: &state::Panel) -> Result<Mesh, TerrainError> {
     let agreement = |(one, other): (DVec3, DVec3)| one.normalize_or_zero().dot(other.normalize_or_zero());
     let first = if agreement(halves(1)) > agreement(halves(0)) { 1 } else { 0 };
     let (one, other) = halves(first);
-    if !((one + other).length() > 0.0) {
+    let area = (one + other).length();
+    // Written so that corners which are not numbers are refused too.
+    if area.is_nan() || area == 0.0 {
         return Err(TerrainError::FlatPanel { corners: panel.corners });
     }
     let [a, b, c, d] = [0, 1, 2, 3].map(|i| (first + i) as u32 % 4);

@@ -24,7 +24,7 @@ fn skies_by_elevation() {
     for (index, elevation) in elevations.into_iter().enumerate() {
         let sun = scene::Sun { elevation, azimuth: 90.0, ..Default::default() };
         let sky = Sky::build(&scene::Sky::default(), &sun, Path::new("")).unwrap();
-        println!(
+        eprintln!(
             "{elevation}: up {} zenith {} horizon {} away {} sun {}",
             sky.average_up(),
             sky.radiance(Vec3::Y),
@@ -56,4 +56,23 @@ fn skies_by_elevation() {
         }
     }
     sheet.save(folder.join("skies.png")).unwrap();
+}
+
+#[test]
+#[ignore = "measures, for a person to read"]
+fn price_of_a_sky() {
+    let start = std::time::Instant::now();
+    let sky = Sky::build(&scene::Sky::default(), &scene::Sun::default(), Path::new("")).unwrap();
+    let first = start.elapsed().as_secs_f64() * 1e3;
+    let start = std::time::Instant::now();
+    let again = Sky::build(&scene::Sky::default(), &scene::Sun::default(), Path::new("")).unwrap();
+    eprintln!("built in {first:.1} ms, once more in {:.1} ms", start.elapsed().as_secs_f64() * 1e3);
+    assert_eq!(sky.radiance(Vec3::Y), again.radiance(Vec3::Y));
+    let start = std::time::Instant::now();
+    let mut sum = Vec3::ZERO;
+    for i in 0..1_000_000 {
+        let (sin, cos) = (i as f32 * 0.001).sin_cos();
+        sum += sky.radiance(Vec3::new(0.8 * sin, 0.6, 0.8 * cos));
+    }
+    eprintln!("radiance: {:.0} ns (with a sine and cosine; {sum})", start.elapsed().as_secs_f64() * 1e3);
 }
