@@ -346,3 +346,197 @@ fn a_png_beside_shows_the_same_window() {
     // 37 columns from -3 clipped to 32; 41 rows from 5 clipped to 43.
     assert_eq!((image.width(), image.height()), (32, 41));
 }
+
+#[cfg(feature = "oiio")]
+mod openimageio {
+    use super::*;
+    use whitewater::output::{OiioPart, read_with_oiio};
+
+    const ALL: [Compression; 5] =
+        [Compression::Zip, Compression::Zips, Compression::Piz, Compression::Dwaa, Compression::None];
+
+    fn attribute<'a>(part: &'a OiioPart, name: &str) -> Option<&'a str> {
+        part.attributes.iter().find(|(n, _)| n.eq_ignore_ascii_case(name)).map(|(_, text)| text.as_str())
+    }
+
+    /// What OpenImageIO read, as a picture.
+    fn merged(parts: &[OiioPart]) -> Picture {
+        let mut picture = Picture { display: parts[0].display, data: parts[0].data, ..Picture::default() };
+        for part in parts {
+            assert_eq!((part.display, part.data), (picture.display, picture.data));
+            let count = part.channels.len();
+            for (c, (name, sample_type)) in part.channels.iter().enumerate() {
+                let samples = part.samples.iter().skip(c).step_by(count).copied().collect();
+                picture.channels.push(Channel { name: name.clone(), sample_type: *sample_type, samples });
+            }
+        }
+        picture
+    }
+
+    fn lossless(compression: Compression) -> impl Fn(&str) -> bool {
+        move |name| compression != Compression::Dwaa || !matches!(name.rsplit('.').next(), Some("R" | "G" | "B"))
+    }
+
+    #[test]
+    fn openimageio_reads_what_the_crate_wrote() {
+        let directory = tempfile::tempdir().unwrap();
+        let expected = as_stored(picture());
+        for compression in ALL {
+            let path = directory.path().join(format!("{compression:?}.exr"));
+            output::write(&picture(), &path, &options(compression)).unwrap();
+            let parts = read_with_oiio(&path).unwrap();
+            let found = merged(&parts);
+            assert_eq!((found.display, found.data), (expected.display, expected.data));
+            assert_same_channels(&found, &expected, lossless(compression));
+            let names: Vec<_> = parts.iter().map(|p| p.name.as_str()).collect();
+            if compression == Compression::Dwaa {
+                assert_eq!(names, ["rgba", "data", "crypto"]);
+                assert!(parts[0].compression.starts_with("dwaa") && parts[1].compression == "zip");
+            } else {
+                assert_eq!(names, [""]);
+                assert_eq!(parts[0].compression, format!("{compression:?}").to_lowercase());
+            }
+            for part in &parts {
+                for (name, text) in [
+                    ("DateTime", "2026:11:22 10:20:30"),
+                    ("Copyright", "Sigríður & Søn"),
+                    ("ImageDescription", "a comment"),
+                    ("ExposureTime", "0.0625"),
+                    ("FNumber", "2.5"),
+                    ("focus", "12.5"),
+                    ("FramesPerSecond", "24000/1001"),
+                    ("smpte:TimeCode", "00:00:51:10"),
+                    ("imageCounter", "1234"),
+                    ("utcOffset", "-7200"),
+                    ("pinholeFocalLength", "32.5"),
+                    ("whitewater:version", env!("CARGO_PKG_VERSION")),
+                    ("whitewater:scene", "0123456789abcdef"),
+                    ("whitewater:samples", "16"),
+                    ("whitewater:solver", "univariate"),
+                    ("whitewater:tolerance", "0.02 px"),
+                    ("whitewater:seconds", "3.5"),
+                    ("whitewater:complete", "1"),
+                    ("PixelAspectRatio", "1"),
+                    ("screenWindowWidth", "1"),
+                    ("sensorOverallDimensions", "16, 24"),
+                    ("chromaticities", "0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329"),
+                ] {
+                    assert_eq!(attribute(part, name), Some(text), "{name}");
+                }
+                for (name, first) in
+                    [("worldtocamera", "0.25"), ("worldtoNDC", "-7.5"), ("whitewater:cameraToWorld", "100")]
+                {
+                    let text = attribute(part, name).unwrap_or_default();
+                    let values: Vec<f64> =
+                        text.split([',', ' ']).filter(|v| !v.is_empty()).map(|v| v.parse().unwrap()).collect();
+                    let start: f64 = first.parse().unwrap();
+                    assert!(values.iter().enumerate().all(|(i, v)| *v == start + i as f64), "{name}: {text}");
+                    assert_eq!(values.len(), 16);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_crate_reads_what_openimageio_wrote() {
+        let directory = tempfile::tempdir().unwrap();
+        let expected = as_stored(picture());
+        for compression in ALL {
+            let path = directory.path().join(format!("{compression:?}.exr"));
+            let options = WriteOptions { writer: Writer::Oiio, ..options(compression) };
+            output::write(&picture(), &path, &options).unwrap();
+            let found = output::read_exr(&path).unwrap();
+            assert_eq!((found.display, found.data), (expected.display, expected.data));
+            assert_same_channels(&found, &expected, lossless(compression));
+            assert_every_attribute(&path, &expected);
+            let ours: Vec<_> = exr::meta::MetaData::read_from_file(&path, true).unwrap().headers.to_vec();
+            let names: Vec<_> =
+                ours.iter().filter_map(|h| h.own_attributes.layer_name.as_ref().map(|n| n.to_string())).collect();
+            let expected: &[&str] = if compression == Compression::Dwaa { &["rgba", "data", "crypto"] } else { &[] };
+            assert_eq!(names, expected);
+        }
+    }
+
+    #[test]
+    fn channels_of_one_type_keep_it() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.exr");
+        for kept in [SampleType::Half, SampleType::Float] {
+            let mut picture = picture();
+            picture.channels.retain(|c| c.sample_type == kept);
+            let options = WriteOptions { writer: Writer::Oiio, ..options(Compression::Zip) };
+            output::write(&picture, &path, &options).unwrap();
+            assert_same_channels(&output::read_exr(&path).unwrap(), &as_stored(picture), |_| true);
+        }
+    }
+
+    #[test]
+    fn reproducible_files_carry_no_date_of_openimageios_own() {
+        let directory = tempfile::tempdir().unwrap();
+        let write = |name: &str| {
+            let path = directory.path().join(name);
+            let options = WriteOptions { writer: Writer::Oiio, reproducible: true, ..WriteOptions::default() };
+            let mut picture = picture();
+            picture.data.x = 0;
+            output::write(&picture, &path, &options).unwrap();
+            std::fs::read(&path).unwrap()
+        };
+        let (exr, tiff) = (write("a.exr"), write("a.tif"));
+        for (bytes, what) in [(&exr, "capDate"), (&exr, "DateTime"), (&exr, "whitewater:seconds"), (&tiff, "20")] {
+            // A TIFF's date starts with the century and has colons after the year.
+            let found = bytes.windows(what.len() + 3).any(|w| {
+                w.starts_with(what.as_bytes())
+                    && (what != "20" || (w[4] == b':' && w[2..4].iter().all(u8::is_ascii_digit)))
+            });
+            assert!(!found, "{what}");
+        }
+        assert!(write("b.exr") == exr && write("b.tif") == tiff);
+    }
+
+    #[test]
+    fn half_is_saturated_here_too() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.exr");
+        let mut picture = picture();
+        picture.channels[0].samples[7] = 1e9;
+        picture.channels[1].samples[7] = -1e9;
+        let options = WriteOptions { writer: Writer::Oiio, ..options(Compression::Zip) };
+        assert_eq!(output::write(&picture, &path, &options).unwrap().saturated, 2);
+        let found = output::read_exr(&path).unwrap();
+        assert_eq!(found.channel("R").unwrap().samples[7], 65504.0);
+        assert_eq!(found.channel("G").unwrap().samples[7], -65504.0);
+    }
+
+    #[test]
+    fn tiff_has_every_channel_scene_linear() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.tif");
+        let mut picture = picture();
+        picture.data = Window { x: 2, y: 3, ..picture.data };
+        let options = WriteOptions { writer: Writer::Oiio, ..options(Compression::Dwaa) };
+        output::write(&picture, &path, &options).unwrap();
+        let parts = read_with_oiio(&path).unwrap();
+        assert_eq!((parts.len(), parts[0].channels.len(), parts[0].data), (1, picture.channels.len(), picture.data));
+        // TIFF does not keep names: channels stand in the order of their names.
+        let mut sorted = picture.channels.clone();
+        sorted.sort_by(|a, b| a.name.cmp(&b.name));
+        for (c, channel) in sorted.iter().enumerate() {
+            let found: Vec<f32> = parts[0].samples.iter().skip(c).step_by(sorted.len()).copied().collect();
+            assert!(found == channel.samples, "{}", channel.name);
+        }
+        assert_eq!(attribute(&parts[0], "Copyright"), Some("Sigríður & Søn"));
+    }
+
+    #[test]
+    fn what_openimageio_refuses_is_an_error_and_leaves_nothing() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.exr");
+        std::fs::write(&path, b"no picture").unwrap();
+        assert!(matches!(read_with_oiio(&path), Err(OutputError::Oiio { .. })));
+        // TIFF knows no pixels left of the frame; OpenImageIO would lose the window without a word.
+        let path = directory.path().join("a.tif");
+        let options = WriteOptions { writer: Writer::Oiio, ..WriteOptions::default() };
+        assert!(matches!(output::write(&picture(), &path, &options), Err(OutputError::Unsupported { .. })));
+        assert_eq!(std::fs::read_dir(&directory).unwrap().count(), 1);
+    }
+}

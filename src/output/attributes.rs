@@ -201,10 +201,9 @@ fn capture_date(captured: Option<OffsetDateTime>) -> Result<(String, f32), Outpu
         // A machine without a known time zone keeps UTC, and says so by an offset of 0.
         now.to_offset(UtcOffset::local_offset_at(now).unwrap_or(UtcOffset::UTC))
     });
-    let date =
-        when.format(format_description!("[year]:[month]:[day] [hour]:[minute]:[second]")).map_err(|e| {
-            OutputError::Attribute { name: "capDate", value: e.to_string(), expected: "a date of this calendar" }
-        })?;
+    let date = when.format(format_description!("[year]:[month]:[day] [hour]:[minute]:[second]")).map_err(|e| {
+        OutputError::Attribute { name: "capDate", value: e.to_string(), expected: "a date of this calendar" }
+    })?;
     Ok((date, -when.offset().whole_seconds() as f32))
 }
 
@@ -238,9 +237,8 @@ mod tests {
 
     #[test]
     fn time_codes_count_frames() {
-        let digits = |frame, fps| {
-            time_code(frame, fps).map(|t| (t.hours, t.minutes, t.seconds, t.frame, t.field_phase))
-        };
+        let digits =
+            |frame, fps| time_code(frame, fps).map(|t| (t.hours, t.minutes, t.seconds, t.frame, t.field_phase));
         assert_eq!(digits(0, 24.0), Some((0, 0, 0, 0, false)));
         assert_eq!(digits(24 * 3661 + 23, 24.0), Some((1, 1, 1, 23, false)));
         assert_eq!(digits(30, 29.97), Some((0, 0, 1, 0, false)));

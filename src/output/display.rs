@@ -76,12 +76,7 @@ fn encode(pixels: &Pixels, format: Format, file: &mut File) -> Result<(), ImageE
 }
 
 /// The visible pixels, in display values. With transparency allowed and present, unpremultiplied and with alpha.
-fn pixels(
-    picture: &Picture,
-    path: &Path,
-    transparency: bool,
-    options: &WriteOptions,
-) -> Result<Pixels, OutputError> {
+fn pixels(picture: &Picture, path: &Path, transparency: bool, options: &WriteOptions) -> Result<Pixels, OutputError> {
     let channel = |name: &'static str| {
         let found = picture.channel(name).map(|c| c.samples.as_slice());
         found.ok_or(OutputError::MissingChannel { path: path.to_path_buf(), channel: name })
@@ -122,12 +117,7 @@ fn pixels(
             line
         })
         .collect();
-    Ok(Pixels {
-        width: (right - left) as u32,
-        height: (bottom - top) as u32,
-        alpha: alpha.is_some(),
-        samples,
-    })
+    Ok(Pixels { width: (right - left) as u32, height: (bottom - top) as u32, alpha: alpha.is_some(), samples })
 }
 
 #[cfg(test)]
@@ -184,7 +174,9 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let whole = Window { x: 0, y: 0, width: 4, height: 4 };
         let picture = picture(whole, (4, 4), 0.5);
-        for (name, expected) in [("a.png", [0, 255, 188, 128]), ("a.tif", [0, 255, 188, 128]), ("a.bmp", [0, 188, 137, 255])] {
+        for (name, expected) in
+            [("a.png", [0, 255, 188, 128]), ("a.tif", [0, 255, 188, 128]), ("a.bmp", [0, 188, 137, 255])]
+        {
             let path = directory.path().join(name);
             crate::output::write(&picture, &path, &srgb()).unwrap();
             assert_eq!(image::open(&path).unwrap().to_rgba8()[(0, 0)].0, expected, "{name}");

@@ -49,8 +49,7 @@ fn headers(picture: &Picture, parts: &[Part], options: &WriteOptions) -> Result<
     let window = &picture.data;
     let display = IntegerBounds::from_dimensions((picture.display.0 as usize, picture.display.1 as usize));
     let mut shared = ImageAttributes::new(display);
-    let mut own = LayerAttributes::default();
-    own.layer_position = Vec2(window.x, window.y);
+    let mut own = LayerAttributes::default().with_position(Vec2(window.x, window.y));
     for (name, value) in attributes::attributes(picture, options)? {
         use AttributeValue as V;
         match (name, value) {
@@ -103,12 +102,7 @@ fn compression(compression: Compression) -> attribute::Compression {
 }
 
 /// Headers, offset tables and every chunk, in increasing order whatever thread finishes first.
-fn write_samples(
-    picture: &Picture,
-    parts: &[Part],
-    headers: &Headers,
-    file: &mut BufWriter<&mut File>,
-) -> UnitResult {
+fn write_samples(picture: &Picture, parts: &[Part], headers: &Headers, file: &mut BufWriter<&mut File>) -> UnitResult {
     let width = picture.data.width as usize;
     let fill = |line: LineRefMut| {
         let place = line.location;

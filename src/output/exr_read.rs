@@ -22,9 +22,8 @@ use super::{
 pub fn read_exr(path: &Path) -> Result<Picture, OutputError> {
     let failed = |source| OutputError::Exr { path: path.to_path_buf(), source };
     let unsupported = |what: String| OutputError::Unsupported { path: path.to_path_buf(), what };
-    let file = || {
-        File::open(path).map_err(|source| OutputError::Io { action: "read", path: path.to_path_buf(), source })
-    };
+    let file =
+        || File::open(path).map_err(|source| OutputError::Io { action: "read", path: path.to_path_buf(), source });
 
     let meta = MetaData::read_from_unbuffered(file()?, false).map_err(failed)?;
     let first = meta.headers.first().ok_or_else(|| unsupported("the file has no parts".into()))?;
@@ -125,5 +124,77 @@ fn window(header: &Header) -> Window {
         y: bounds.position.y(),
         width: bounds.size.width() as u32,
         height: bounds.size.height() as u32,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        output::{WriteOptions, parts::parts},
+        scene::Compression,
+    };
+
+    /// A picture of 40 rows (three chunks of 16 lines) and its file's bytes.
+    fn written(folder: &Path) -> (Picture, Vec<Part>, Vec<u8>) {
+        let data = Window { x: 0, y: 0, width: 8, height: 40 };
+        let channel = |name: &str| Channel {
+            name: name.into(),
+            sample_type: SampleType::Float,
+            samples: (0..data.area()).map(|i| i as f32).collect(),
+        };
+        let channels = vec![channel("Z"), channel("sampleCount")];
+        let picture = Picture { display: (8, 40), data, channels, ..Picture::default() };
+        let path = folder.join("whole.exr");
+        crate::output::write(&picture, &path, &WriteOptions::default()).unwrap();
+        let parts = parts(&picture, Compression::Zip);
+        (picture, parts, std::fs::read(path).unwrap())
+    }
+
+    #[test]
+    fn any_damage_to_chunks_or_their_table_is_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let (picture, parts, whole) = written(folder.path());
+        let check = |bytes: &[u8]| {
+            let path = folder.path().join("damaged.exr");
+            std::fs::write(&path, bytes).unwrap();
+            verify(&path, Path::new("final.exr"), &picture, &parts)
+        };
+        assert!(check(&whole).is_ok());
+        for keep in [whole.len() - 1, whole.len() / 2, 20, 0] {
+            let error = check(&whole[..keep]).unwrap_err();
+            assert!(
+                matches!(error, OutputError::Damaged { ref path, .. } if path == Path::new("final.exr")),
+                "{error}"
+            );
+        }
+        // The table of three offsets stands right before the first chunk, whose place its first entry names.
+        let table = (8..whole.len())
+            .find(|at| u64::from_le_bytes(whole[*at..*at + 8].try_into().unwrap()) == *at as u64 + 24)
+            .unwrap();
+        for second in [0, whole.len() as u64 * 2, table as u64 + 24, table as u64 + 25] {
+            let mut bytes = whole.clone();
+            bytes[table + 8..table + 16].copy_from_slice(&second.to_le_bytes());
+            assert!(check(&bytes).is_err(), "an offset of {second} was accepted");
+        }
+    }
+
+    #[test]
+    fn another_picture_is_not_taken_for_this_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let (picture, parts, _) = written(folder.path());
+        let check = |picture: &Picture| verify(&folder.path().join("whole.exr"), Path::new("a"), picture, &parts);
+        assert!(check(&picture).is_ok());
+        let changes: [fn(&mut Picture); 4] = [
+            |p| p.data.y = 1,
+            |p| p.display.0 = 9,
+            |p| p.channels[0].name = "z".into(),
+            |p| p.channels[0].sample_type = SampleType::Half,
+        ];
+        for change in changes {
+            let mut other = picture.clone();
+            change(&mut other);
+            assert!(matches!(check(&other), Err(OutputError::Damaged { .. })));
+        }
     }
 }

@@ -113,7 +113,8 @@ mod tests {
     use super::*;
 
     fn picture(samples: Vec<f32>) -> Picture {
-        let channel = |name: &str| Channel { name: name.into(), sample_type: SampleType::Half, samples: samples.clone() };
+        let channel =
+            |name: &str| Channel { name: name.into(), sample_type: SampleType::Half, samples: samples.clone() };
         Picture {
             display: (4, 3),
             data: Window { x: -1, y: 2, width: 2, height: 2 },

@@ -164,7 +164,8 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let d = directory.path();
         assert!(matches!(check_target(d), Err(OutputError::IsDirectory { .. })));
-        let Err(OutputError::DirectoryMissing { directory: missing, .. }) = check_target(&d.join("no/such/a.exr")) else {
+        let Err(OutputError::DirectoryMissing { directory: missing, .. }) = check_target(&d.join("no/such/a.exr"))
+        else {
             panic!("a missing folder was accepted");
         };
         assert_eq!(missing, d.join("no/such"));
