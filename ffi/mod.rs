@@ -3,3 +3,5 @@
 //! What leaves this room is safe to call; only the rooms that wrap a foreign library (accel, output) may name it.
 
 pub(crate) mod embree;
+#[cfg(feature = "oiio")]
+pub(crate) mod oiio;

@@ -1,4 +1,31 @@
-//! Finished pictures → files: EXR with every layer and attribute, PNG/JPEG/BMP through a view transform. Whole files only.
+//! Finished pictures → files: EXR with every layer and attribute, PNG/JPEG/BMP/TIFF through a view transform.
+//!
+//! The picture and its metadata are the contract with the render room; [`write`] chooses the format by extension and
+//! writes whole files only. Formats are fixed by FORMATS.md, section 3.
+
+mod attributes;
+mod display;
+mod error;
+mod exr_file;
+mod exr_read;
+pub mod layers;
+pub mod naming;
+#[cfg(feature = "oiio")]
+mod oiio;
+mod parts;
+mod picture;
+mod view;
+mod whole_file;
+
+use std::path::{Path, PathBuf};
+
+pub use error::OutputError;
+pub use exr_read::read_exr;
+#[cfg(feature = "oiio")]
+pub use oiio::{OiioPart, read_with_oiio};
+pub use view::{display_value, filmic, srgb_encode};
+
+use crate::scene::{Compression, View, Writer};
 
 /// How a channel's samples are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,7 +61,7 @@ pub struct Window {
 }
 
 /// A finished picture: channels and everything that a compositor may ask about them.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Picture {
     /// Full frame: width, height.
     pub display: (u32, u32),
@@ -47,7 +74,7 @@ pub struct Picture {
 }
 
 /// What is known about a picture (FORMATS section 3, attributes).
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Metadata {
     /// World (files' frame, m) → camera: left-handed, +z forward, +x right, +y up; row vectors (p M), as OpenEXR stores it.
     pub world_to_camera: [[f64; 4]; 4],
@@ -83,4 +110,133 @@ pub struct Metadata {
     pub seconds: f64,
     /// False for a picture that was stopped.
     pub complete: bool,
+}
+impl Default for Metadata {
+    /// A whole picture at 24 frames per second (what OpenEXR assumes where nothing is said) from an unknown camera.
+    fn default() -> Self {
+        let identity = std::array::from_fn(|row| std::array::from_fn(|column| if row == column { 1.0 } else { 0.0 }));
+        Self {
+            world_to_camera: identity,
+            world_to_ndc: identity,
+            camera_to_world: identity,
+            fps: 24.0,
+            frame: 0,
+            exposure_time: 0.0,
+            f_number: 0.0,
+            focus: 0.0,
+            focal_length: 0.0,
+            owner: None,
+            comments: None,
+            scene_hash: String::new(),
+            samples: 0,
+            solver: String::new(),
+            tolerance: String::new(),
+            seconds: 0.0,
+            complete: true,
+        }
+    }
+}
+
+/// How a picture is written.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WriteOptions {
+    /// Who writes EXR (and, for OpenImageIO, TIFF).
+    pub writer: Writer,
+    /// Compression of EXR.
+    pub compression: Compression,
+    /// Curve for PNG, JPEG, BMP and 8-bit TIFF.
+    pub view: View,
+    /// Stops of exposure for PNG, JPEG, BMP and 8-bit TIFF.
+    pub exposure: f64,
+    /// Leave out dates and times, so that equal pictures are equal bytes.
+    pub reproducible: bool,
+    /// When the picture was rendered, in local time; now, if not given.
+    pub captured: Option<time::OffsetDateTime>,
+}
+
+impl WriteOptions {
+    /// What the scene's `[output]` asks for.
+    pub fn from_scene(output: &crate::scene::Output) -> Self {
+        Self {
+            writer: output.writer,
+            compression: output.compression,
+            view: output.view,
+            exposure: output.exposure,
+            ..Self::default()
+        }
+    }
+}
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct WriteReport {
+    /// The file.
+    pub path: PathBuf,
+    /// Its size.
+    pub bytes: u64,
+    /// Half samples beyond +-65504, written as +-65504.
+    pub saturated: u64,
+    /// Pixels with at least one such sample.
+    pub saturated_pixels: u64,
+}
+
+/// File formats, by extension.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Exr,
+    Png,
+    Jpeg,
+    Bmp,
+    Tiff,
+}
+
+impl Format {
+    fn of(path: &Path) -> Result<Self, OutputError> {
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        match extension.as_str() {
+            "exr" => Ok(Self::Exr),
+            "png" => Ok(Self::Png),
+            "jpg" | "jpeg" => Ok(Self::Jpeg),
+            "bmp" => Ok(Self::Bmp),
+            "tif" | "tiff" => Ok(Self::Tiff),
+            _ => Err(OutputError::UnknownExtension { path: path.to_path_buf() }),
+        }
+    }
+}
+
+/// Everything about a target that can be known before hours of rendering: format, writer, folder, permission.
+///
+/// *Errors*: an unknown extension, OpenImageIO asked for but not built in, a target that cannot be written.
+pub fn check(path: &Path, options: &WriteOptions) -> Result<(), OutputError> {
+    let format = Format::of(path)?;
+    if cfg!(not(feature = "oiio")) && uses_oiio(format, options) {
+        return Err(OutputError::OiioNotBuilt { path: path.to_path_buf() });
+    }
+    whole_file::check_target(path).map(|_| ())
+}
+
+/// Writes a picture under its final name when, and only when, it is whole.
+///
+/// The extension chooses: `.exr` has all channels and attributes; `.png .jpg .jpeg .bmp .tif .tiff` show the beauty
+/// through the view transform in 8 bits (with `Writer::Oiio`, TIFF too has all channels, scene-linear).
+///
+/// *Errors*: those of [`check`]; a picture that is not well formed or not finite (nothing is written then); metadata
+/// that no file can hold; the system's. An older file under that name stays unless the new one is whole.
+pub fn write(picture: &Picture, path: &Path, options: &WriteOptions) -> Result<WriteReport, OutputError> {
+    check(path, options)?;
+    picture.check()?;
+    let format = Format::of(path)?;
+    let all_channels = format == Format::Exr || uses_oiio(format, options);
+    let (saturated, saturated_pixels) = if all_channels { picture.count_saturated() } else { (0, 0) };
+    let bytes = match format {
+        #[cfg(feature = "oiio")]
+        _ if uses_oiio(format, options) => oiio::write(picture, path, format, options)?,
+        Format::Exr => exr_file::write(picture, path, options)?,
+        _ => display::write(picture, path, format, options)?,
+    };
+    Ok(WriteReport { path: path.to_path_buf(), bytes, saturated, saturated_pixels })
+}
+
+fn uses_oiio(format: Format, options: &WriteOptions) -> bool {
+    options.writer == Writer::Oiio && matches!(format, Format::Exr | Format::Tiff)
 }
