@@ -131,7 +131,10 @@ fn read_other(path: &Path) -> Result<LatLong, OpticsError> {
 
 fn check_size(path: &Path, width: usize, height: usize) -> Result<(), OpticsError> {
     if width == 0 || height == 0 {
-        return Err(OpticsError::Image { path: path.to_owned(), reason: format!("it holds {width} x {height} pixels") });
+        return Err(OpticsError::Image {
+            path: path.to_owned(),
+            reason: format!("it holds {width} x {height} pixels"),
+        });
     }
     if width.saturating_mul(height) > LIMIT {
         return Err(OpticsError::TooLarge { path: path.to_owned(), width, height, limit: LIMIT });

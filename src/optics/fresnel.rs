@@ -20,8 +20,10 @@ pub fn reflectance_exact(cos_incident: f32, eta_from: f32, eta_to: f32) -> f32 {
     }
     let cos_incident = cos_incident.clamp(0.0, 1.0);
     let Some(cos_transmitted) = cos_transmitted(cos_incident, eta_from / eta_to) else { return 1.0 };
-    let across = (eta_from * cos_incident - eta_to * cos_transmitted) / (eta_from * cos_incident + eta_to * cos_transmitted);
-    let along = (eta_to * cos_incident - eta_from * cos_transmitted) / (eta_to * cos_incident + eta_from * cos_transmitted);
+    let across =
+        (eta_from * cos_incident - eta_to * cos_transmitted) / (eta_from * cos_incident + eta_to * cos_transmitted);
+    let along =
+        (eta_to * cos_incident - eta_from * cos_transmitted) / (eta_to * cos_incident + eta_from * cos_transmitted);
     0.5 * (across * across + along * along)
 }
 

@@ -146,7 +146,10 @@ mod tests {
             let map = Irradiance::from_map(columns, rows, |_, _| radiance);
             for n in normals() {
                 let expected = std::f32::consts::PI * radiance;
-                assert!((map.at(n) - expected).abs().max_element() < 2e-6 * expected.max_element(), "{columns}x{rows} {n}");
+                assert!(
+                    (map.at(n) - expected).abs().max_element() < 2e-6 * expected.max_element(),
+                    "{columns}x{rows} {n}"
+                );
                 assert_eq!(Irradiance::constant(radiance).at(n), expected);
             }
         }
@@ -203,7 +206,11 @@ mod tests {
 
     #[test]
     fn one_bright_spot_never_gives_negative_light() {
-        let map = Irradiance::from_map(64, 32, |column, row| if (column, row) == (5, 9) { Vec3::splat(1e4) } else { Vec3::ZERO });
+        let map = Irradiance::from_map(
+            64,
+            32,
+            |column, row| if (column, row) == (5, 9) { Vec3::splat(1e4) } else { Vec3::ZERO },
+        );
         for n in normals() {
             assert!(map.at(n).min_element() >= 0.0);
         }

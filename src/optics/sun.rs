@@ -4,7 +4,10 @@ use glam::Vec3;
 
 use crate::scene;
 
-use super::{atmosphere::Atmosphere, luminance};
+use super::{
+    atmosphere::{Atmosphere, SUNLIGHT},
+    luminance,
+};
 
 /// Half of 0.533 degrees, in radians.
 pub const SUN_ANGULAR_RADIUS: f32 = 0.533 / 2.0 * (std::f32::consts::PI / 180.0);
@@ -30,7 +33,10 @@ impl Sun {
         let color = match sun.color {
             Some(color) => Vec3::new(color[0] as f32, color[1] as f32, color[2] as f32),
             // While the disc is cut by the horizon its light has the colour of its upper part.
-            None => Atmosphere::new(sky.turbidity as f32, Vec3::ZERO).sun_transmittance(elevation.max(0.0) as f32),
+            None => {
+                Atmosphere::new(sky.turbidity as f32, Vec3::ZERO).sun_transmittance(elevation.max(0.0) as f32)
+                    * SUNLIGHT
+            }
         };
         let scale = luminance(color);
         let color = if scale > 0.0 { color / scale } else { Vec3::ZERO };
@@ -67,4 +73,57 @@ fn visible_share(elevation: f64) -> f64 {
     let h = (elevation / f64::from(SUN_ANGULAR_RADIUS)).clamp(-1.0, 1.0);
     // Area of a unit disc above a chord at -h: (acos(-h) + h sqrt(1 - h^2)) / pi.
     ((-h).acos() + h * (1.0 - h * h).sqrt()) / std::f64::consts::PI
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(elevation: f64) -> Sun {
+        Sun::build(&scene::Sun { elevation, ..Default::default() }, &scene::Sky::default())
+    }
+
+    #[test]
+    fn azimuth_runs_from_north_eastward() {
+        for (azimuth, expected) in [(0.0, -Vec3::Z), (90.0, Vec3::X), (180.0, Vec3::Z), (270.0, -Vec3::X)] {
+            assert!((direction(0.0, azimuth) - expected).length() < 1e-6, "{azimuth}");
+        }
+        assert_eq!(direction(90.0, 12.0).y, 1.0);
+    }
+
+    #[test]
+    fn the_default_sun_is_gently_warm_and_of_luminance_one() {
+        let sun = at(35.0);
+        assert!((luminance(sun.irradiance) - 2.2).abs() < 1e-5);
+        assert!(sun.irradiance.x > sun.irradiance.y && sun.irradiance.y > sun.irradiance.z);
+        assert!(sun.irradiance.x < 3.0 * sun.irradiance.z);
+    }
+
+    #[test]
+    fn a_given_colour_is_scaled_to_luminance_one() {
+        let sun = scene::Sun { color: Some([8.0, 8.0, 8.0]), irradiance: 1.5, ..Default::default() };
+        assert!((Sun::build(&sun, &scene::Sky::default()).irradiance - Vec3::splat(1.5)).abs().max_element() < 1e-6);
+        let black = scene::Sun { color: Some([0.0; 3]), ..sun };
+        assert_eq!(Sun::build(&black, &scene::Sky::default()).irradiance, Vec3::ZERO);
+    }
+
+    #[test]
+    fn the_disc_holds_the_irradiance() {
+        let sun = at(50.0);
+        let solid_angle = sun.irradiance / sun.disc_radiance;
+        assert!((solid_angle - Vec3::splat(6.796e-5)).abs().max_element() < 1e-8, "{solid_angle}");
+        let side = sun.direction.any_orthonormal_vector();
+        for (angle, inside) in [(0.0f32, true), (0.265, true), (0.268, false), (90.0, false), (180.0, false)] {
+            let (s, c) = angle.to_radians().sin_cos();
+            assert_eq!(sun.contains(sun.direction * c + side * s), inside, "{angle}");
+        }
+    }
+
+    #[test]
+    fn it_sets_over_its_own_diameter() {
+        assert_eq!(at(-0.267).irradiance, Vec3::ZERO);
+        assert_eq!(at(-90.0).irradiance, Vec3::ZERO);
+        assert!((luminance(at(0.0).irradiance) - 1.1).abs() < 1e-5);
+        assert!((luminance(at(0.267).irradiance) - 2.2).abs() < 1e-5);
+    }
 }

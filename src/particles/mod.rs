@@ -1,1 +1,11 @@
-//! Spray: radius from mass, colour and opacity from speed and age.
+//! Spray: radius from mass, colour and opacity from speed and age, discs that face the eye.
+//!
+//! Particles are single precision around the scene's origin, one array per field; where they are traced is not here.
+
+mod appearance;
+mod billboard;
+mod store;
+
+pub use appearance::{Appearance, appearance, radius};
+pub use billboard::{Facing, facing};
+pub use store::Spray;

@@ -35,7 +35,8 @@ fn skies_by_elevation() {
         for y in 0..size {
             for x in 0..size * 4 {
                 let radiance = if x < size {
-                    let (px, py) = ((x as f32 + 0.5) / size as f32 * 2.0 - 1.0, (y as f32 + 0.5) / size as f32 * 2.0 - 1.0);
+                    let (px, py) =
+                        ((x as f32 + 0.5) / size as f32 * 2.0 - 1.0, (y as f32 + 0.5) / size as f32 * 2.0 - 1.0);
                     let r = (px * px + py * py).sqrt();
                     if r > 1.0 {
                         Vec3::ZERO
