@@ -3,14 +3,32 @@
 //! A batch is a structure of arrays, sized for a tile. Accelerators stand behind one trait and are chosen by name at
 //! run time; whichever is chosen, the picture is the same.
 
-use crate::surface::SolveCounts;
+mod brute;
+mod embree;
+mod lanes;
+mod pair;
+#[cfg(test)]
+mod testing;
+
+use std::sync::Arc;
+
+use brute::Brute;
+pub use embree::EmbreeAccel;
+use pair::Pair;
+
+pub use crate::ffi::embree::EmbreeError;
+use crate::lower::{Discs, Lowered, Material, Part, Shape, Spheres, Triangles};
+use crate::scene::AccelKind;
+use crate::surface::{LaneSurface, SolveCounts};
 
 /// No part was hit.
 pub const NO_PART: u32 = u32::MAX;
 
 /// Rays in the scene's local frame (metres around the scene origin), one array per component.
 ///
-/// A direction need not be of unit length; `t` counts its lengths.
+/// A direction need not be of unit length; `t` counts its lengths. What is no ray misses everything and never reaches a
+/// solver: a component that is not finite, a zero direction, a negative `tnear`, `tnear >= tfar`, a negative
+/// tolerance (`tfar` may be +inf).
 #[derive(Clone, Debug, Default)]
 pub struct RayBatch {
     /// Origins: x, y, z.
@@ -74,17 +92,31 @@ pub struct HitBatch {
     pub part: Vec<u32>,
     /// Primitive within the part: patch, sphere, disc, triangle, side.
     pub primitive: Vec<u32>,
-    /// First surface coordinate: within the patch (0..1 along x), or barycentric.
+    /// First surface coordinate: within the patch (0..1 along x), or a triangle's weight of its second vertex; 0 for
+    /// spheres and discs.
     pub u: Vec<f32>,
-    /// Second surface coordinate: within the patch (0..1 along z), or barycentric.
+    /// Second surface coordinate: within the patch (0..1 along z), or a triangle's weight of its third vertex.
     pub v: Vec<f32>,
-    /// Geometric normal, not normalised, as the accelerator gave it: x, y, z.
+    /// Geometric normal, not normalised: x, y, z. A surface's own; outward for spheres (hit - centre) and for triangles
+    /// that are counter-clockwise seen from outside; a disc's as given.
     pub normal: [Vec<f32>; 3],
     /// The solver could not decide: counted, and reported to whoever asked.
     pub gave_up: Vec<bool>,
 }
 
 impl HitBatch {
+    /// Room for `count` rays with whatever was there: for those who write every entry.
+    fn resize(&mut self, count: usize) {
+        self.t.resize(count, f32::INFINITY);
+        self.part.resize(count, NO_PART);
+        self.primitive.resize(count, 0);
+        self.u.resize(count, 0.0);
+        self.v.resize(count, 0.0);
+        for axis in &mut self.normal {
+            axis.resize(count, 0.0);
+        }
+        self.gave_up.resize(count, false);
+    }
     /// Makes room for `count` rays, all missing.
     pub fn reset(&mut self, count: usize) {
         fn fill<T: Clone>(values: &mut Vec<T>, count: usize, value: T) {
@@ -101,6 +133,110 @@ impl HitBatch {
         }
         fill(&mut self.gave_up, count, false);
     }
+}
+
+/// What an accelerator can be built over.
+#[derive(Clone)]
+pub enum Geometry {
+    /// A surface that answers lanes of rays.
+    Lanes(Arc<dyn LaneSurface>),
+    /// Spheres.
+    Spheres(Arc<Spheres>),
+    /// Oriented discs.
+    Discs(Arc<Discs>),
+    /// Triangles.
+    Triangles(Arc<Triangles>),
+}
+
+impl From<&Shape> for Geometry {
+    fn from(shape: &Shape) -> Self {
+        match shape {
+            Shape::Surface(surface) => Self::Lanes(Arc::clone(surface) as Arc<dyn LaneSurface>),
+            Shape::Sides(sides) => Self::Lanes(Arc::clone(sides) as Arc<dyn LaneSurface>),
+            Shape::Spheres(spheres) => Self::Spheres(Arc::clone(spheres)),
+            Shape::Discs(discs) => Self::Discs(Arc::clone(discs)),
+            Shape::Triangles(triangles) => Self::Triangles(Arc::clone(triangles)),
+        }
+    }
+}
+
+/// Geometry with its parts' indices.
+fn geometry_of(parts: &[Part], chosen: impl Fn(&Part) -> bool) -> Vec<(u32, Geometry)> {
+    (0..).zip(parts).filter(|(_, part)| chosen(part)).map(|(index, part)| (index, (&part.shape).into())).collect()
+}
+
+/// Counts by kind, of the kinds that are there.
+fn count_primitives(geometry: &[(u32, Geometry)]) -> Vec<(String, u64)> {
+    let mut counts = [("surfaces", 0), ("spheres", 0), ("discs", 0), ("triangles", 0)];
+    for (_, geometry) in geometry {
+        let (kind, count) = match geometry {
+            Geometry::Lanes(_) => (0, 1),
+            Geometry::Spheres(spheres) => (1, spheres.center.len()),
+            Geometry::Discs(discs) => (2, discs.center.len()),
+            Geometry::Triangles(triangles) => (3, triangles.index.len()),
+        };
+        counts[kind].1 += count as u64;
+    }
+    counts.into_iter().filter(|&(_, count)| count > 0).map(|(kind, count)| (kind.to_owned(), count)).collect()
+}
+
+/// Why an accelerator could not be built.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum AccelError {
+    /// Embree's reason.
+    #[error(transparent)]
+    Embree(#[from] EmbreeError),
+    /// A triangle names a vertex that is not there.
+    #[error("part {part}, triangle {triangle}: vertex {vertex}, expected less than the count of vertices, {count}")]
+    Vertex {
+        /// The part.
+        part: u32,
+        /// The triangle.
+        triangle: usize,
+        /// What it names.
+        vertex: u32,
+        /// Vertices that there are.
+        count: usize,
+    },
+    /// Arrays that belong together differ in length.
+    #[error("part {part}: {count} {what}, expected one per centre, {expected}")]
+    Length {
+        /// The part.
+        part: u32,
+        /// The array.
+        what: &'static str,
+        /// Its length.
+        count: usize,
+        /// The length of the others.
+        expected: usize,
+    },
+}
+
+/// Refuses arrays that do not fit each other, for every accelerator alike.
+fn check(geometry: &[(u32, Geometry)]) -> Result<(), AccelError> {
+    let same = |part, what, count, expected| {
+        if count == expected { Ok(()) } else { Err(AccelError::Length { part, what, count, expected }) }
+    };
+    for &(part, ref geometry) in geometry {
+        match geometry {
+            Geometry::Lanes(_) => {}
+            Geometry::Spheres(spheres) => same(part, "radii", spheres.radius.len(), spheres.center.len())?,
+            Geometry::Discs(discs) => {
+                same(part, "radii", discs.radius.len(), discs.center.len())?;
+                same(part, "normals", discs.normal.len(), discs.center.len())?;
+            }
+            Geometry::Triangles(mesh) => {
+                let count = mesh.position.len();
+                for (triangle, corners) in mesh.index.iter().enumerate() {
+                    if let Some(&vertex) = corners.iter().find(|&&vertex| vertex as usize >= count) {
+                        return Err(AccelError::Vertex { part, triangle, vertex, count });
+                    }
+                }
+            }
+        }
+    }
+    Ok(())
 }
 
 /// What an accelerator says of itself.
@@ -124,4 +260,190 @@ pub trait Accelerator: Send + Sync {
     fn occluded(&self, rays: &RayBatch, occluded: &mut Vec<bool>, counts: &mut SolveCounts);
     /// Name, memory, build time.
     fn stats(&self) -> AccelStats;
+}
+
+/// Builds the accelerator that a scene names over all parts; a hit's part is the index in `lowered.parts`.
+///
+/// # Errors
+/// Embree is asked for and missing, or a part cannot be given to it.
+pub fn build(lowered: &Lowered, water: AccelKind, objects: AccelKind) -> Result<Box<dyn Accelerator>, AccelError> {
+    if water == objects {
+        return one(geometry_of(&lowered.parts, |_| true), water);
+    }
+    let water = one(geometry_of(&lowered.parts, on_water_axis), water)?;
+    let objects = one(geometry_of(&lowered.parts, |part| !on_water_axis(part)), objects)?;
+    Ok(Box::new(Pair { water, objects }))
+}
+
+/// `accel.water` serves the water, its sides and the bed, also where triangles stand in for the splines.
+fn on_water_axis(part: &Part) -> bool {
+    matches!(part.shape, Shape::Surface(_) | Shape::Sides(_))
+        || matches!(part.material, Material::Water | Material::Ground)
+}
+
+fn one(geometry: Vec<(u32, Geometry)>, kind: AccelKind) -> Result<Box<dyn Accelerator>, AccelError> {
+    Ok(match kind {
+        AccelKind::Embree => Box::new(EmbreeAccel::new(&geometry)?),
+        AccelKind::Brute => {
+            check(&geometry)?;
+            Box::new(Brute::new(geometry))
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::testing::{random_rays, random_scene};
+    use super::*;
+
+    fn trace(accel: &dyn Accelerator, rays: &RayBatch) -> (HitBatch, Vec<bool>) {
+        let (mut hits, mut occluded) = (HitBatch::default(), Vec::new());
+        accel.closest(rays, &mut hits, &mut SolveCounts::default());
+        accel.occluded(rays, &mut occluded, &mut SolveCounts::default());
+        (hits, occluded)
+    }
+
+    #[test]
+    fn embree_agrees_with_brute_force() {
+        let (mut hits_seen, mut ties) = ([0; 4], 0);
+        for seed in 0..4 {
+            let scene = random_scene(seed);
+            let embree = EmbreeAccel::new(&scene).unwrap();
+            let brute = Brute::new(scene);
+            let rays = random_rays(3000, 100 + seed);
+            let ((ours, shadow), (truth, true_shadow)) = (trace(&embree, &rays), trace(&brute, &rays));
+            for index in 0..rays.len() {
+                let place = format!("seed {seed}, ray {index}");
+                let part = truth.part[index];
+                // Positions are within 25 m and rounded to 24 bits; a sphere's or a triangle's t in single precision
+                // loses a factor of 1 / cos at grazing, which 64 units in the last place leave room for.
+                let speed = rays.direction(index).length();
+                let bound = 64.0 * 25.0 * f32::EPSILON / speed;
+                if ours.part[index] != part || ours.primitive[index] != truth.primitive[index] {
+                    // A graze, or two things in one place: either the edge decides or the next hit is as near.
+                    ties += 1;
+                    continue;
+                }
+                assert_eq!(shadow[index], part != NO_PART, "{place}");
+                assert_eq!(true_shadow[index], part != NO_PART, "{place}");
+                if part == NO_PART {
+                    assert_eq!(ours.t[index], f32::INFINITY, "{place}");
+                    continue;
+                }
+                hits_seen[part as usize] += 1;
+                let normal = |hits: &HitBatch| Vec3::from(hits.normal.each_ref().map(|axis| axis[index]));
+                let (found, expected) = (normal(&ours), normal(&truth));
+                let cosine = expected.normalize().dot(rays.direction(index) / speed).abs();
+                assert!((ours.t[index] - truth.t[index]).abs() <= bound / cosine.max(0.01), "{place}: t");
+                assert!((found - expected).length() <= 0.01 * expected.length(), "{place}: {found} for {expected}");
+                assert!((ours.u[index] - truth.u[index]).abs() < 0.01, "{place}: u");
+                assert!((ours.v[index] - truth.v[index]).abs() < 0.01, "{place}: v");
+            }
+        }
+        assert!(hits_seen.iter().all(|&count| count > 300), "hits by part: {hits_seen:?}");
+        assert!(ties <= 3, "{ties} rays hit other things");
+    }
+
+    #[test]
+    fn a_ray_inside_a_sphere_or_near_a_disc_hits_it() {
+        let spheres = Spheres { center: vec![Vec3::ZERO], radius: vec![2.0] };
+        let discs = Discs { center: vec![Vec3::ZERO], radius: vec![3.0], normal: vec![Vec3::Z] };
+        for (geometry, t, normal) in
+            [(Geometry::Spheres(Arc::new(spheres)), 2.5, 2.0), (Geometry::Discs(Arc::new(discs)), 0.5, 1.0)]
+        {
+            let scene = vec![(7, geometry)];
+            let mut rays = RayBatch::default();
+            rays.push(Vec3::new(0.0, 0.0, -0.5), Vec3::Z, 0.0, f32::INFINITY, 0.0);
+            let embree = EmbreeAccel::new(&scene).unwrap();
+            for accel in [&embree as &dyn Accelerator, &Brute::new(scene)] {
+                let (hits, occluded) = trace(accel, &rays);
+                let name = accel.stats().name;
+                assert_eq!((hits.t[0], hits.part[0], hits.normal[2][0], occluded[0]), (t, 7, normal, true), "{name}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_pair_finds_what_one_accelerator_finds() {
+        let scene = random_scene(3);
+        let (water, objects): (Vec<_>, Vec<_>) = scene.iter().cloned().partition(|(part, _)| *part == 3);
+        let one = EmbreeAccel::new(&scene).unwrap();
+        let rays = random_rays(2000, 4);
+        let expected = trace(&one, &rays);
+        let pairs = [
+            Pair { water: Box::new(Brute::new(water.clone())), objects: Box::new(EmbreeAccel::new(&objects).unwrap()) },
+            Pair {
+                water: Box::new(EmbreeAccel::new(&water).unwrap()),
+                objects: Box::new(EmbreeAccel::new(&objects).unwrap()),
+            },
+        ];
+        for pair in pairs {
+            let found = trace(&pair, &rays);
+            assert_eq!(found.0.part, expected.0.part);
+            assert_eq!(found.0.t, expected.0.t);
+            assert_eq!(found.0.primitive, expected.0.primitive);
+            assert_eq!(found.0.normal, expected.0.normal);
+            assert_eq!((found.0.u, found.0.v), (expected.0.u.clone(), expected.0.v.clone()));
+            assert_eq!(found.1, expected.1);
+            assert_eq!(pair.stats().primitives.len(), 4);
+        }
+    }
+
+    #[test]
+    fn kinds_choose_accelerators_and_parts_keep_their_index() {
+        let sphere = |x: f32| Spheres { center: vec![Vec3::new(x, 0.0, 0.0)], radius: vec![1.0] };
+        let part = |material, shape| Part { name: String::new(), material, shape };
+        let mesh = Triangles {
+            position: vec![Vec3::new(-9.0, -5.0, -9.0), Vec3::new(9.0, -5.0, -9.0), Vec3::new(0.0, -5.0, 9.0)],
+            normal: Vec::new(),
+            index: vec![[0, 1, 2]],
+        };
+        let lowered = Lowered {
+            parts: vec![
+                part(Material::Spray, Shape::Spheres(Arc::new(sphere(-3.0)))),
+                part(Material::Water, Shape::Triangles(Arc::new(mesh))),
+                part(Material::Spray, Shape::Spheres(Arc::new(sphere(3.0)))),
+            ],
+            ..Lowered::default()
+        };
+        let mut rays = RayBatch::default();
+        for x in [-3.0, 0.0, 3.0] {
+            rays.push(Vec3::new(x, 5.0, 0.0), Vec3::NEG_Y, 0.0, f32::INFINITY, 0.0);
+        }
+        let (embree, brute) = (AccelKind::Embree, AccelKind::Brute);
+        for (water, objects, name) in [
+            (embree, embree, "embree"),
+            (brute, brute, "brute"),
+            (embree, brute, "embree + brute"),
+            (brute, embree, "brute + embree"),
+        ] {
+            let accel = build(&lowered, water, objects).unwrap();
+            assert_eq!(accel.stats().name, name);
+            assert_eq!(trace(accel.as_ref(), &rays).0.part, [0, 1, 2], "{name}");
+        }
+    }
+
+    #[test]
+    fn arrays_that_do_not_fit_are_refused_by_every_accelerator() {
+        let part = |shape| Part { name: String::new(), material: Material::Spray, shape };
+        let mesh = Triangles { position: vec![Vec3::ZERO; 3], normal: Vec::new(), index: vec![[0, 1, 2], [0, 1, 3]] };
+        let spheres = Spheres { center: vec![Vec3::ZERO; 2], radius: vec![1.0] };
+        let discs = Discs { center: vec![Vec3::ZERO], radius: vec![1.0], normal: Vec::new() };
+        for (shape, expected) in [
+            (
+                Shape::Triangles(Arc::new(mesh)),
+                "part 0, triangle 1: vertex 3, expected less than the count of vertices, 3",
+            ),
+            (Shape::Spheres(Arc::new(spheres)), "part 0: 1 radii, expected one per centre, 2"),
+            (Shape::Discs(Arc::new(discs)), "part 0: 0 normals, expected one per centre, 1"),
+        ] {
+            let lowered = Lowered { parts: vec![part(shape)], ..Lowered::default() };
+            for kind in [AccelKind::Embree, AccelKind::Brute] {
+                let error = build(&lowered, kind, kind).err().expect(expected).to_string();
+                assert_eq!(error, expected);
+            }
+        }
+    }
 }

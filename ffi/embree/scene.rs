@@ -1,0 +1,272 @@
+//! Building and tracing as two types: [`SceneBuilder`] takes geometry, [`CommittedScene`] answers rays from any thread.
+
+use std::any::Any;
+use std::ffi::c_void;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::EmbreeError;
+use super::bindings::{
+    RTCBufferType, RTCBuildQuality, RTCFeatureFlags, RTCFormat, RTCGeometry, RTCGeometryType, RTCIntersectArguments,
+    RTCOccludedArguments, RTCRay16, RTCRayHit, RTCRayHit16, RTCRayQueryFlags, RTCScene, RTCSceneFlags,
+};
+use super::device::Device;
+use super::packet::{Context, PacketGeometry, bounds_callback, intersect_callback, occluded_callback};
+
+/// Which of 16 lanes hold a ray: -1 or 0 each.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Valid16(pub(crate) [i32; 16]);
+
+/// A scene that takes geometry. `P` is what each query carries to user geometry.
+pub(crate) struct SceneBuilder<P> {
+    scene: Scene<P>,
+}
+
+/// A scene that answers rays.
+pub(crate) struct CommittedScene<P> {
+    scene: Scene<P>,
+}
+
+/// The handle and everything that Embree points to from it.
+struct Scene<P> {
+    device: Device,
+    handle: RTCScene,
+    /// User geometry, at the addresses that Embree has.
+    kept: Vec<Arc<dyn Any + Send + Sync>>,
+    payload: PhantomData<fn(&mut P)>,
+}
+
+// SAFETY: Embree's handles may be used from any thread; what is kept is `Send + Sync`. While building, only the one
+// owner calls; after the commit, queries are read-only and Embree allows them from many threads at once.
+unsafe impl<P> Send for Scene<P> {}
+// SAFETY: as above; a `SceneBuilder` has no `&self` method that changes the scene.
+unsafe impl<P> Sync for Scene<P> {}
+
+impl<P> Drop for Scene<P> {
+    fn drop(&mut self) {
+        // SAFETY: our one reference. Geometries go with the scene; what they point to (`kept`) is dropped after this.
+        unsafe { self.device.embree().rtcReleaseScene(self.handle) }
+    }
+}
+
+impl<P: 'static> SceneBuilder<P> {
+    /// An empty scene of high build quality, with watertight (robust) traversal.
+    pub(crate) fn new(device: &Device) -> Result<Self, EmbreeError> {
+        let embree = device.embree();
+        // SAFETY: the device lives.
+        let handle = unsafe { embree.rtcNewScene(device.handle()) };
+        device.check("rtcNewScene")?;
+        let scene = Scene { device: device.clone(), handle, kept: Vec::new(), payload: PhantomData };
+        // SAFETY: the scene lives, and is not committed.
+        unsafe {
+            embree.rtcSetSceneFlags(handle, RTCSceneFlags::RTC_SCENE_FLAG_ROBUST);
+            embree.rtcSetSceneBuildQuality(handle, RTCBuildQuality::RTC_BUILD_QUALITY_HIGH);
+        }
+        device.check("rtcSetSceneBuildQuality")?;
+        Ok(Self { scene })
+    }
+
+    /// Triangles; u and v of a hit are the weights of the second and third vertex.
+    ///
+    /// # Errors
+    /// An index outside the vertices.
+    pub(crate) fn triangles(&mut self, id: u32, position: &[Vec3], index: &[[u32; 3]]) -> Result<(), EmbreeError> {
+        for (triangle, corners) in index.iter().enumerate() {
+            if let Some(&corner) = corners.iter().find(|&&corner| corner as usize >= position.len()) {
+                return Err(EmbreeError::Geometry {
+                    geometry: id,
+                    what: format!("a vertex index of triangle {triangle}"),
+                    value: corner.into(),
+                    expected: format!("less than the count of vertices, {}", position.len()),
+                });
+            }
+        }
+        let geometry = self.geometry(id, RTCGeometryType::RTC_GEOMETRY_TYPE_TRIANGLE, index.len())?;
+        let (float3, uint3) = (RTCFormat::RTC_FORMAT_FLOAT3, RTCFormat::RTC_FORMAT_UINT3);
+        geometry.buffer(RTCBufferType::RTC_BUFFER_TYPE_VERTEX, float3, position.iter().map(Vec3::to_array))?;
+        geometry.buffer(RTCBufferType::RTC_BUFFER_TYPE_INDEX, uint3, index.iter().copied())?;
+        geometry.attach(&self.scene, id)
+    }
+
+    /// Spheres, as points with a radius.
+    pub(crate) fn spheres(&mut self, id: u32, center: &[Vec3], radius: &[f32]) -> Result<(), EmbreeError> {
+        same_length(id, "the count of radii", radius.len(), center.len())?;
+        let geometry = self.geometry(id, RTCGeometryType::RTC_GEOMETRY_TYPE_SPHERE_POINT, center.len())?;
+        let points = center.iter().zip(radius).map(|(center, &radius)| center.extend(radius).to_array());
+        geometry.buffer(RTCBufferType::RTC_BUFFER_TYPE_VERTEX, RTCFormat::RTC_FORMAT_FLOAT4, points)?;
+        geometry.attach(&self.scene, id)
+    }
+
+    /// Discs with normals of their own. (Embree's other discs, which face the ray, ignore rays that start within a
+    /// radius of them, by a default of the library's build.)
+    pub(crate) fn discs(
+        &mut self,
+        id: u32,
+        center: &[Vec3],
+        radius: &[f32],
+        normal: &[Vec3],
+    ) -> Result<(), EmbreeError> {
+        same_length(id, "the count of radii", radius.len(), center.len())?;
+        same_length(id, "the count of normals", normal.len(), center.len())?;
+        let geometry = self.geometry(id, RTCGeometryType::RTC_GEOMETRY_TYPE_ORIENTED_DISC_POINT, center.len())?;
+        let points = center.iter().zip(radius).map(|(center, &radius)| center.extend(radius).to_array());
+        let normals = normal.iter().map(Vec3::to_array);
+        geometry.buffer(RTCBufferType::RTC_BUFFER_TYPE_VERTEX, RTCFormat::RTC_FORMAT_FLOAT4, points)?;
+        geometry.buffer(RTCBufferType::RTC_BUFFER_TYPE_NORMAL, RTCFormat::RTC_FORMAT_FLOAT3, normals)?;
+        geometry.attach(&self.scene, id)
+    }
+
+    /// Geometry of our own, as one primitive.
+    pub(crate) fn user<G: PacketGeometry<Payload = P>>(&mut self, id: u32, own: Arc<G>) -> Result<(), EmbreeError> {
+        let geometry = self.geometry(id, RTCGeometryType::RTC_GEOMETRY_TYPE_USER, 1)?;
+        let embree = self.scene.device.embree();
+        let pointer = Arc::as_ptr(&own).cast_mut().cast::<c_void>();
+        self.scene.kept.push(own);
+        // SAFETY: the geometry lives; `pointer` is a `G` that the scene keeps, which is what the callbacks take it for.
+        unsafe {
+            embree.rtcSetGeometryUserPrimitiveCount(geometry.handle, 1);
+            embree.rtcSetGeometryUserData(geometry.handle, pointer);
+            embree.rtcSetGeometryBoundsFunction(geometry.handle, Some(bounds_callback::<G>), std::ptr::null_mut());
+            embree.rtcSetGeometryIntersectFunction(geometry.handle, Some(intersect_callback::<G>));
+            embree.rtcSetGeometryOccludedFunction(geometry.handle, Some(occluded_callback::<G>));
+        }
+        self.scene.device.check("rtcSetGeometryOccludedFunction")?;
+        geometry.attach(&self.scene, id)
+    }
+
+    /// Builds the hierarchy.
+    pub(crate) fn commit(self) -> Result<CommittedScene<P>, EmbreeError> {
+        // SAFETY: the scene lives and we are its only owner.
+        unsafe { self.scene.device.embree().rtcCommitScene(self.scene.handle) };
+        self.scene.device.check("rtcCommitScene")?;
+        Ok(CommittedScene { scene: self.scene })
+    }
+
+    fn geometry(&self, id: u32, kind: RTCGeometryType, count: usize) -> Result<Geometry, EmbreeError> {
+        // The greatest u32 means "no primitive" in a hit.
+        if count >= u32::MAX as usize {
+            return Err(EmbreeError::Geometry {
+                geometry: id,
+                what: "the count of primitives".to_owned(),
+                value: count as u64,
+                expected: format!("less than {}", u32::MAX),
+            });
+        }
+        let device = self.scene.device.clone();
+        // SAFETY: the device lives.
+        let handle = unsafe { device.embree().rtcNewGeometry(device.handle(), kind) };
+        device.check("rtcNewGeometry")?;
+        Ok(Geometry { device, handle })
+    }
+}
+
+fn same_length(geometry: u32, what: &str, value: usize, expected: usize) -> Result<(), EmbreeError> {
+    if value == expected {
+        return Ok(());
+    }
+    Err(EmbreeError::Geometry {
+        geometry,
+        what: what.to_owned(),
+        value: value as u64,
+        expected: format!("{expected}, one per centre"),
+    })
+}
+
+/// A geometry before it is attached; releases its reference when it goes.
+struct Geometry {
+    device: Device,
+    handle: RTCGeometry,
+}
+
+impl Geometry {
+    /// Copies items into a buffer that Embree owns (and pads as its vector loads need).
+    fn buffer<T: Copy, const N: usize>(
+        &self,
+        kind: RTCBufferType,
+        format: RTCFormat,
+        items: impl ExactSizeIterator<Item = [T; N]>,
+    ) -> Result<(), EmbreeError> {
+        let (count, stride) = (items.len(), size_of::<[T; N]>());
+        // SAFETY: the geometry lives; Embree allocates `count` items of `stride` bytes, or fails and says so.
+        let start =
+            unsafe { self.device.embree().rtcSetNewGeometryBuffer(self.handle, kind, 0, format, stride, count) };
+        self.device.check("rtcSetNewGeometryBuffer")?;
+        if start.is_null() {
+            return Ok(()); // No items.
+        }
+        let start = start.cast::<[T; N]>();
+        for (index, item) in items.take(count).enumerate() {
+            // SAFETY: `index < count`, inside what Embree has just allocated, 16-byte aligned; T is a four-byte number.
+            unsafe { start.add(index).write(item) };
+        }
+        Ok(())
+    }
+
+    fn attach<P>(self, scene: &Scene<P>, id: u32) -> Result<(), EmbreeError> {
+        let embree = self.device.embree();
+        // SAFETY: both live and are of one device; the scene takes a reference of its own.
+        unsafe { embree.rtcCommitGeometry(self.handle) };
+        self.device.check("rtcCommitGeometry")?;
+        // SAFETY: as above.
+        unsafe { embree.rtcAttachGeometryByID(scene.handle, self.handle, id) };
+        self.device.check("rtcAttachGeometryByID")
+    }
+}
+
+impl Drop for Geometry {
+    fn drop(&mut self) {
+        // SAFETY: our one reference.
+        unsafe { self.device.embree().rtcReleaseGeometry(self.handle) }
+    }
+}
+
+impl<P> CommittedScene<P> {
+    /// Nearest hits of up to 16 rays.
+    pub(crate) fn intersect16(&self, valid: &Valid16, rays: &mut RTCRayHit16, payload: &mut P) {
+        let mut context = Context::new(payload);
+        let mut arguments = intersect_arguments(&mut context);
+        // SAFETY: the scene is committed; all three blocks are ours, aligned by their types, and live through the call.
+        // The callbacks of this scene take a `Context<P>`, as `SceneBuilder<P>::user` demands.
+        unsafe {
+            self.scene.device.embree().rtcIntersect16(valid.0.as_ptr(), self.scene.handle, rays, &mut arguments);
+        }
+    }
+
+    /// Nearest hit of one ray.
+    pub(crate) fn intersect1(&self, ray: &mut RTCRayHit, payload: &mut P) {
+        let mut context = Context::new(payload);
+        let mut arguments = intersect_arguments(&mut context);
+        // SAFETY: as in `intersect16`.
+        unsafe { self.scene.device.embree().rtcIntersect1(self.scene.handle, ray, &mut arguments) };
+    }
+
+    /// Whether up to 16 rays hit anything: `tfar` becomes -inf where they do.
+    pub(crate) fn occluded16(&self, valid: &Valid16, rays: &mut RTCRay16, payload: &mut P) {
+        let mut context = Context::new(payload);
+        let mut arguments = RTCOccludedArguments {
+            flags: RTCRayQueryFlags::RTC_RAY_QUERY_FLAG_INCOHERENT,
+            feature_mask: RTCFeatureFlags::RTC_FEATURE_FLAG_ALL,
+            context: (&raw mut context).cast(),
+            filter: None,
+            occluded: None,
+        };
+        // SAFETY: as in `intersect16`.
+        unsafe {
+            self.scene.device.embree().rtcOccluded16(valid.0.as_ptr(), self.scene.handle, rays, &mut arguments);
+        }
+    }
+}
+
+fn intersect_arguments<P>(context: &mut Context<P>) -> RTCIntersectArguments {
+    RTCIntersectArguments {
+        flags: RTCRayQueryFlags::RTC_RAY_QUERY_FLAG_INCOHERENT,
+        feature_mask: RTCFeatureFlags::RTC_FEATURE_FLAG_ALL,
+        // The whole context, not only its first field: the callbacks read what lies behind it.
+        context: std::ptr::from_mut(context).cast(),
+        filter: None,
+        intersect: None,
+    }
+}
