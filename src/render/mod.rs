@@ -28,3 +28,6 @@ pub use path::CameraPath;
 pub use sampler::{Sample, Sampler};
 pub use tiles::{TILE, tiles};
 pub use world::{GroundLook, Matter, SprayLook};
+
+#[cfg(test)]
+mod tests;

@@ -147,7 +147,8 @@ impl World<'_> {
         film.add_guide(carrier.pixel, carrier.guide, Vec3::ONE, Vec3::ZERO);
         if carrier.in_water {
             // Water without an end: clear channels still see the sky's light, n^2 denser.
-            let light = self.sky.radiance(direction) * self.density() * transmittance(self.water.absorption, f32::INFINITY);
+            let light =
+                self.sky.radiance(direction) * self.density() * transmittance(self.water.absorption, f32::INFINITY);
             film.add(carrier.pixel, carrier.layer.unwrap_or(Layer::Sky), carrier.throughput * light);
             return;
         }
@@ -311,7 +312,8 @@ impl World<'_> {
         let eye_cosine = to_eye.dot(contact.shading).abs().max(f32::MIN_POSITIVE);
         let denominator = self.water.ior * eye_half + sun_half;
         // Radiance in water per irradiance in air: the n^2 of the denser side is in eq. 21's numerator.
-        let lobe = -eye_half * sun_half / eye_cosine * self.density() * through * distribution / (denominator * denominator);
+        let lobe =
+            -eye_half * sun_half / eye_cosine * self.density() * through * distribution / (denominator * denominator);
         self.add_sunlight(carrier, Vec3::splat(lobe), layer, contact, scratch);
     }
 
