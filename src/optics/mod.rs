@@ -17,7 +17,7 @@ use std::path::PathBuf;
 
 pub use irradiance::Irradiance;
 pub use sky::Sky;
-pub use sun::{SUN_ANGULAR_RADIUS, Sun};
+pub use sun::{SUN_ANGULAR_RADIUS, Sun, direction};
 
 /// What can be wrong with a sky.
 #[derive(Debug, thiserror::Error)]
