@@ -9,7 +9,7 @@
 //! | room | what lives there |
 //! |---|---|
 //! | [`math`] | intervals, Bernstein polynomials, sequences: knows nothing of water |
-//! | `simd` | 16- and 8-lane vectors, the choice of instruction set at start |
+//! | [`simd`] | 16- and 8-lane vectors, the choice of instruction set at start |
 //! | [`scene`] | the TOML file → plain data, its schema, its errors |
 //! | [`state`] | `model.state`, `time###.state`, NPZ |
 //! | [`surface`] | the water and the bed as B-splines: lattice, bounds, solvers, the other representations |
@@ -29,7 +29,7 @@
 #[path = "../ffi/mod.rs"]
 mod ffi;
 #[allow(unsafe_code)] // Vector intrinsics behind a run-time check of the processor.
-mod simd;
+pub mod simd;
 
 pub mod accel;
 pub mod bench;

@@ -1,10 +1,16 @@
 //! The water and the bed as height functions: uniform B-splines over the columns.
 
 mod lanes;
+mod lattice;
+mod pyramid;
+pub mod referee;
 mod sides;
+mod solve;
 mod spline;
+mod walk;
 
 pub use lanes::{LANES, LaneHits, LaneRays, LaneSurface, SurfacePoint};
+pub use lattice::{Lattice, LatticeError, basis};
 pub use sides::Sides;
 pub use spline::SplineSurface;
 
@@ -26,3 +32,6 @@ impl std::ops::AddAssign for SolveCounts {
         self.gave_up += other.gave_up;
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -2,36 +2,144 @@
 
 use glam::Vec3;
 
+use super::lattice::Lattice;
+use super::pyramid::Pyramid;
+use super::solve::{Newton, PatchSolver, PerLane, Reference, Univariate};
+use super::walk::Walk;
 use super::{LaneHits, LaneRays, LaneSurface, SolveCounts, SurfacePoint};
+use crate::scene::SolverKind;
+use crate::simd::{SimdLevel, dispatch};
 
 /// A B-spline height function over a map of columns, with its bounds and its solver.
-#[derive(Debug)]
-pub struct SplineSurface {}
+#[derive(Clone, Debug)]
+pub struct SplineSurface {
+    lattice: Lattice,
+    pyramid: Pyramid,
+    range: Option<[f64; 2]>,
+    solver: SolverKind,
+    simd: SimdLevel,
+}
 
 impl SplineSurface {
+    /// A surface over a lattice, with a solver by name and an instruction set.
+    pub fn new(lattice: Lattice, solver: SolverKind, simd: SimdLevel) -> Self {
+        let pyramid = Pyramid::build(&lattice);
+        let range = pyramid.range();
+        Self { lattice, pyramid, range, solver, simd }
+    }
+
+    /// The control heights.
+    pub fn lattice(&self) -> &Lattice {
+        &self.lattice
+    }
+
+    /// The solver's name.
+    pub fn solver(&self) -> SolverKind {
+        self.solver
+    }
+
     /// Point and upward normal of patch `patch` at `u`, `v` (each 0..1).
-    pub fn patch_point(&self, _patch: u32, _u: f32, _v: f32) -> SurfacePoint {
-        SurfacePoint { position: Vec3::ZERO, normal: Vec3::Y }
+    pub fn patch_point(&self, patch: u32, u: f32, v: f32) -> SurfacePoint {
+        let (i, j) = (patch as usize % self.lattice.cells[0], patch as usize / self.lattice.cells[0]);
+        let (height, slope) = self.lattice.evaluate(i, j, f64::from(u), f64::from(v));
+        let [x, z] = self.lattice.from_cell([i as f64 + f64::from(u), j as f64 + f64::from(v)]);
+        let normal = Vec3::new(-slope[0] as f32, 1.0, -slope[1] as f32).normalize();
+        SurfacePoint { position: Vec3::new(x as f32, height as f32, z as f32), normal }
     }
+
+    /// Cell of a local x, z within the domain and the place in it; `None` outside, or where no patch exists.
+    fn locate(&self, x: f64, z: f64) -> Option<([usize; 2], [f64; 2])> {
+        let at = self.lattice.to_cell(x, z);
+        let mut cell = [0; 2];
+        let mut place = [0.0; 2];
+        for axis in 0..2 {
+            let [low, high] = [self.lattice.domain[0][axis], self.lattice.domain[1][axis]];
+            if !(low..=high).contains(&at[axis]) {
+                return None;
+            }
+            cell[axis] = (at[axis] as usize).min(self.lattice.cells[axis] - 1);
+            place[axis] = at[axis] - cell[axis] as f64;
+        }
+        self.lattice.exists(cell[0], cell[1]).then_some((cell, place))
+    }
+
     /// Height at x, z of the local frame; `None` outside the domain or where no patch exists.
-    pub fn height(&self, _x: f32, _z: f32) -> Option<f32> {
-        None
+    pub fn height(&self, x: f32, z: f32) -> Option<f32> {
+        self.point(f64::from(x), f64::from(z)).map(|(height, _)| height as f32)
     }
+
+    /// Height (m) and slopes dy/dx, dy/dz at x, z of the local frame, in double precision.
+    pub fn point(&self, x: f64, z: f64) -> Option<(f64, [f64; 2])> {
+        let (cell, place) = self.locate(x, z)?;
+        Some(self.lattice.evaluate(cell[0], cell[1], place[0], place[1]))
+    }
+
     /// Least and greatest x and z of the domain: `[x0, z0], [x1, z1]`.
     pub fn domain(&self) -> ([f32; 2], [f32; 2]) {
-        ([0.0; 2], [0.0; 2])
+        let [low, high] = self.lattice.domain.map(|corner| self.lattice.from_cell(corner).map(|c| c as f32));
+        (low, high)
+    }
+
+    /// Least and greatest height of any patch (m), padded outward; `None` where no patch exists.
+    pub fn height_range(&self) -> Option<[f64; 2]> {
+        self.range
+    }
+
+    fn walk<const ANY: bool>(&self, rays: &LaneRays, hits: &mut LaneHits, counts: &mut SolveCounts) {
+        match self.solver {
+            SolverKind::Univariate => self.walk_with::<_, ANY>(Univariate, self.simd, rays, hits, counts),
+            // These work a ray at a time: wide lanes would only idle.
+            SolverKind::Newton => {
+                self.walk_with::<_, ANY>(PerLane(Newton), SimdLevel::Portable, rays, hits, counts);
+            }
+            SolverKind::Reference => {
+                self.walk_with::<_, ANY>(PerLane(Reference), SimdLevel::Portable, rays, hits, counts);
+            }
+        }
+    }
+
+    fn walk_with<P: PatchSolver, const ANY: bool>(
+        &self,
+        solver: P,
+        simd: SimdLevel,
+        rays: &LaneRays,
+        hits: &mut LaneHits,
+        counts: &mut SolveCounts,
+    ) {
+        let Some(range) = self.range else { return };
+        let (lattice, pyramid) = (&self.lattice, &self.pyramid);
+        match lattice.order {
+            2 => dispatch(simd, Walk::<_, 2, 2, ANY> { lattice, pyramid, range, solver, rays, hits, counts }),
+            3 => dispatch(simd, Walk::<_, 3, 4, ANY> { lattice, pyramid, range, solver, rays, hits, counts }),
+            _ => dispatch(simd, Walk::<_, 4, 6, ANY> { lattice, pyramid, range, solver, rays, hits, counts }),
+        }
     }
 }
 
 impl LaneSurface for SplineSurface {
     fn bounds(&self) -> [Vec3; 2] {
-        [Vec3::ZERO; 2]
+        let Some(range) = self.range else { return [Vec3::ZERO; 2] };
+        let [low, high] = self.lattice.domain.map(|corner| self.lattice.from_cell(corner));
+        // Outward by one unit in the last place: the conversion to single precision may have gone inward.
+        [
+            Vec3::new((low[0] as f32).next_down(), (range[0] as f32).next_down(), (low[1] as f32).next_down()),
+            Vec3::new((high[0] as f32).next_up(), (range[1] as f32).next_up(), (high[1] as f32).next_up()),
+        ]
     }
-    fn closest(&self, _rays: &LaneRays, _hits: &mut LaneHits, _counts: &mut SolveCounts) {}
-    fn occluded(&self, _rays: &LaneRays, _counts: &mut SolveCounts) -> u16 {
-        0
+
+    fn closest(&self, rays: &LaneRays, hits: &mut LaneHits, counts: &mut SolveCounts) {
+        hits.hit = 0;
+        hits.gave_up = 0;
+        self.walk::<false>(rays, hits, counts);
     }
+
+    fn occluded(&self, rays: &LaneRays, counts: &mut SolveCounts) -> u16 {
+        let mut hits = LaneHits::EMPTY;
+        self.walk::<true>(rays, &mut hits, counts);
+        hits.hit
+    }
+
     fn bytes(&self) -> u64 {
-        0
+        self.pyramid.bytes() + self.lattice.cells.iter().product::<usize>() as u64 / 8
     }
 }

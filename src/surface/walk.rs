@@ -1,0 +1,434 @@
+//! Rays in lanes down the pyramid of bounds: blocks that a ray passes over or under are skipped whole, the patches that
+//! are left go to the solver.
+//!
+//! Each lane keeps its own block, level and place along its ray; the lanes of a packet share only the program. A ray's
+//! place is kept as an integer cell plus an offset from the cell it started in, and every packet is moved in double
+//! precision to where its rays enter the surface's box: a far origin costs no accuracy.
+//!
+//! The sign of (ray - surface) is carried from block to block. Bounds are padded (see the pyramid), so a skip proves a
+//! sign; a patch that begins with the other sign than the ray brought along is hit at its border. Together they make
+//! the walk watertight. It follows Tevs, Ihrke and Seidel, "Maximum Mipmaps for Fast, Accurate, and Scalable Dynamic
+//! Height Field Rendering", 2008, with a solver at the leaves instead of a bilinear patch.
+
+use super::SolveCounts;
+use super::lanes::{LANES, LaneHits, LaneRays};
+use super::lattice::Lattice;
+use super::pyramid::{HOLE, Pyramid};
+use super::solve::{PatchSolver, Segment};
+use crate::simd::{Kernel, Simd};
+
+/// Level at which a ray that enters from outside begins: it descends sooner than it would climb.
+const ENTRY_LEVEL: i32 = 5;
+/// Level at which a ray that begins within the bounds begins: it has just left the surface, or is about to hit it.
+const INSIDE_LEVEL: i32 = 1;
+
+/// One packet of rays against one surface.
+pub(super) struct Walk<'a, P, const K: usize, const D: usize, const ANY: bool> {
+    pub lattice: &'a Lattice,
+    pub pyramid: &'a Pyramid,
+    pub range: [f64; 2],
+    pub solver: P,
+    pub rays: &'a LaneRays,
+    pub hits: &'a mut LaneHits,
+    pub counts: &'a mut SolveCounts,
+}
+
+/// Where each lane starts, in the surface's own terms.
+struct Start {
+    /// Cell of the start.
+    cell: [[i32; LANES]; 2],
+    /// Offset within it, 0..1.
+    offset: [[f32; LANES]; 2],
+    /// Cells per t.
+    slope: [[f32; LANES]; 2],
+    /// Height (m), leading and trailing part.
+    height: [[f32; LANES]; 2],
+    /// Height in steps of the pyramid.
+    step: [f32; LANES],
+    /// Steps per t.
+    rise: [f32; LANES],
+    /// t of the start on the ray as given.
+    base: [f64; LANES],
+    /// Length of the walk, in t.
+    length: [f32; LANES],
+    /// Tolerance at the start.
+    tolerance: [f32; LANES],
+    /// Level to begin with.
+    level: [i32; LANES],
+    /// Lanes that meet the surface's box.
+    meets: u32,
+}
+
+impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Kernel for Walk<'_, P, K, D, ANY> {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Simd>(mut self, simd: S) {
+        let start = self.start();
+        for first in (0..LANES).step_by(S::LANES) {
+            let lanes = (start.meets >> first) & (u32::MAX >> (32 - S::LANES));
+            if lanes != 0 {
+                self.walk(simd, &start, first, lanes);
+            }
+        }
+    }
+}
+
+impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P, K, D, ANY> {
+    /// Clips each ray to the surface's box and moves it there, in double precision.
+    #[inline(always)]
+    fn start(&self) -> Start {
+        let mut start = Start {
+            cell: [[0; LANES]; 2],
+            offset: [[0.0; LANES]; 2],
+            slope: [[0.0; LANES]; 2],
+            height: [[0.0; LANES]; 2],
+            step: [0.0; LANES],
+            rise: [0.0; LANES],
+            base: [0.0; LANES],
+            length: [0.0; LANES],
+            tolerance: [0.0; LANES],
+            level: [0; LANES],
+            meets: 0,
+        };
+        let (lattice, rays) = (self.lattice, self.rays);
+        let top = self.pyramid.levels as i32 - 1;
+        let (entry_level, inside_level) = (ENTRY_LEVEL.min(top), INSIDE_LEVEL.min(top));
+        let inverse_width = [1.0 / lattice.width[0], 1.0 / lattice.width[1]];
+        let inverse_step = 1.0 / self.pyramid.step;
+        let mut meets = [0u32; LANES];
+        for lane in 0..LANES {
+            let place = |axis: usize, origin: f32| match axis {
+                0 | 1 => (f64::from(origin) - lattice.corner[axis]) * inverse_width[axis],
+                _ => f64::from(origin),
+            };
+            let origin =
+                [place(0, rays.origin[0][lane]), place(1, rays.origin[2][lane]), place(2, rays.origin[1][lane])];
+            let direction = [
+                f64::from(rays.direction[0][lane]) * inverse_width[0],
+                f64::from(rays.direction[2][lane]) * inverse_width[1],
+                f64::from(rays.direction[1][lane]),
+            ];
+            let low = [lattice.domain[0][0], lattice.domain[0][1], self.range[0]];
+            let high = [lattice.domain[1][0], lattice.domain[1][1], self.range[1]];
+            let (mut near, mut far) = (f64::from(rays.tnear[lane]), f64::from(rays.tfar[lane]));
+            let tnear = near;
+            for axis in 0..3 {
+                let inverse = 1.0 / direction[axis];
+                let (a, b) = ((low[axis] - origin[axis]) * inverse, (high[axis] - origin[axis]) * inverse);
+                // A ray along the slab: its quotients are infinite or not numbers, the place itself decides.
+                let parallel = direction[axis] == 0.0;
+                let inside = low[axis] <= origin[axis] && origin[axis] <= high[axis];
+                let (least, most) = if a < b { (a, b) } else { (b, a) };
+                let least = if parallel { if inside { f64::NEG_INFINITY } else { f64::INFINITY } } else { least };
+                let most = if parallel { if inside { f64::INFINITY } else { f64::NEG_INFINITY } } else { most };
+                near = if least > near { least } else { near };
+                far = if most < far { most } else { far };
+            }
+            // Rounding of a slab's quotient: a few units in the last place, so that water at the very edge stays.
+            let slack =
+                4.0 * f64::EPSILON * (near.abs() + 1.0 / (direction[0].abs() + direction[1].abs() + f64::MIN_POSITIVE));
+            let base = if near > tnear { (near - slack).max(tnear) } else { near };
+            let length = far - base;
+            let meet = (rays.active >> lane & 1) as u32 & u32::from(length >= 0.0 && length.is_finite());
+            meets[lane] = meet;
+            let base = if meet == 1 { base } else { 0.0 };
+            for axis in 0..2 {
+                let at = origin[axis] + base * direction[axis];
+                let last = (lattice.cells[axis] - 1) as f64;
+                let cell = at.floor().max(0.0).min(last);
+                start.cell[axis][lane] = cell as i32;
+                start.offset[axis][lane] = (at - cell) as f32;
+                start.slope[axis][lane] = direction[axis] as f32;
+            }
+            let height = origin[2] + base * direction[2];
+            let leading = height as f32;
+            start.height[0][lane] = leading;
+            start.height[1][lane] = (height - f64::from(leading)) as f32;
+            start.step[lane] = ((height - self.pyramid.floor) * inverse_step) as f32;
+            start.rise[lane] = (direction[2] * inverse_step) as f32;
+            start.base[lane] = base;
+            start.length[lane] = length as f32;
+            start.tolerance[lane] = rays.tolerance[lane] + rays.tolerance_growth * base as f32;
+            start.level[lane] = if base > tnear { entry_level } else { inside_level };
+        }
+        for (lane, meet) in meets.into_iter().enumerate() {
+            start.meets |= meet << lane;
+        }
+        start
+    }
+
+    /// Walks the lanes `first..first + S::LANES`.
+    #[inline(always)]
+    fn walk<S: Simd>(&mut self, simd: S, start: &Start, first: usize, lanes: u32) {
+        let s = simd;
+        let (lattice, pyramid) = (self.lattice, self.pyramid);
+        let (zero, one) = (s.splat(0.0), s.splat(1.0));
+        let infinity = s.splat(f32::INFINITY);
+        let (int_zero, int_one) = (s.splat_int(0), s.splat_int(1));
+        let bound_bits = s.splat_int(0x7fff);
+        let hole_bit = s.splat_int(HOLE as i32);
+        let sixteen = s.splat_int(16);
+        let top_level = s.splat_int(pyramid.levels as i32 - 1);
+        let last_cell = [0, 1].map(|axis| s.splat_int(lattice.cells[axis] as i32 - 1));
+
+        let base_cell = [0, 1].map(|axis| s.load_int(&start.cell[axis][first..]));
+        let offset = [0, 1].map(|axis| s.load(&start.offset[axis][first..]));
+        let slope = [0, 1].map(|axis| s.load(&start.slope[axis][first..]));
+        let step = s.load(&start.step[first..]);
+        let rise = s.load(&start.rise[first..]);
+        let end = s.load(&start.length[first..]);
+        let inverse_rise = one / rise;
+        // Steps forward cross the far border of a block, steps backward the near one.
+        let forward = [0, 1].map(|axis| s.lt(zero, slope[axis]));
+        let still = [0, 1].map(|axis| s.le(s.abs(slope[axis]), s.splat(f32::MIN_POSITIVE)));
+        let far_border = [0, 1].map(|axis| s.select_int(forward[axis], int_one, int_zero));
+        let inverse = [0, 1].map(|axis| one / slope[axis]);
+
+        let mut cell = base_cell;
+        let mut level = s.load_int(&start.level[first..]);
+        let mut t = zero;
+        let mut above = zero;
+        let mut active = s.from_bits(lanes);
+        let mut hit = s.from_bits(0);
+        let mut gave_up = s.from_bits(0);
+        let mut found_t = zero;
+        let mut found = [zero; 2];
+        let mut found_cell = cell;
+
+        loop {
+            // Skip and descend until enough lanes stand at a patch.
+            let mut waiting = s.from_bits(0);
+            let mut leave = t;
+            let mut crosses_x = s.from_bits(0);
+            loop {
+                let stepping = active & !waiting;
+                if s.none(stepping) {
+                    break;
+                }
+                let block = [0, 1].map(|axis| s.shift_right(cell[axis], level));
+                let index = s.lookup(&pyramid.start, level) + block[1] * s.lookup(&pyramid.row, level) + block[0];
+                let word = s.gather(&pyramid.words, index, stepping);
+                let low = s.to_float(word & bound_bits);
+                let high = s.to_float(s.shift_right(word, sixteen));
+                let whole = s.eq_int(word & hole_bit, int_zero);
+                let exit = [0, 1].map(|axis| {
+                    let border = s.shift_left(block[axis] + far_border[axis], level) - base_cell[axis];
+                    let quotient = (s.to_float(border) - offset[axis]) * inverse[axis];
+                    s.select(still[axis], infinity, quotient)
+                });
+                let to = s.max(s.min(s.min(exit[0], exit[1]), end), t);
+                let (y0, y1) = (s.fma(t, rise, step), s.fma(to, rise, step));
+                let (y_low, y_high) = (s.min(y0, y1), s.max(y0, y1));
+                let overlaps = s.le(low, high) & s.le(low, y_high) & s.le(y_low, high) & stepping;
+                let coarse = s.gt_int(level, int_zero);
+
+                // Down: on to where the ray enters the block's slab, and one level finer.
+                let down = overlaps & coarse;
+                let over = s.lt(high, y0);
+                let under = s.lt(y0, low);
+                let bound = s.select(over, high, low);
+                let enter = s.min(s.max((bound - step) * inverse_rise, t), to);
+                let moves = down & (over | under);
+                // Passed over, or under; over a hole there is no side.
+                let skip = stepping & !overlaps;
+                let side = s.select(s.lt(high, s.select(skip, y_low, y0)), one, s.splat(-1.0));
+                above = s.select(moves | skip, s.select(whole, side, zero), above);
+                let at = s.select(down, s.select(moves, enter, t), to);
+                let x_first = s.le(exit[0], exit[1]);
+                let across = [x_first, !x_first];
+                let mut climbs = s.from_bits(0);
+                let up = level + int_one;
+                for axis in 0..2 {
+                    let least = s.shift_left(block[axis], level);
+                    let most = s.min_int(s.shift_left(block[axis] + int_one, level) - int_one, last_cell[axis]);
+                    let place = s.floor_int(s.fma(at, slope[axis], offset[axis])) + base_cell[axis];
+                    let within = s.max_int(s.min_int(place, most), least);
+                    let beyond = s.select_int(forward[axis], most + int_one, least - int_one);
+                    let crossing = skip & across[axis];
+                    let next = s.select_int(crossing, beyond, within);
+                    let changed = crossing & !s.eq_int(s.shift_right(next, up), s.shift_right(cell[axis], up));
+                    climbs = climbs | changed;
+                    cell[axis] = s.select_int(skip | moves, next, cell[axis]);
+                }
+                let finished = skip & (s.le(end, to) | self.outside(s, &cell, &last_cell));
+                active = active & !finished;
+                t = s.select(skip | moves, at, t);
+                level = s.select_int(down, level - int_one, s.select_int(climbs, s.min_int(up, top_level), level));
+                let arrives = overlaps & !coarse;
+                waiting = waiting | arrives;
+                leave = s.select(arrives, to, leave);
+                crosses_x = (crosses_x & !arrives) | (x_first & arrives);
+                let count = s.bits(waiting).count_ones();
+                if count * 2 > s.bits(active).count_ones() {
+                    break;
+                }
+            }
+            if s.none(waiting) {
+                break;
+            }
+
+            // Solve the patches that lanes stand at.
+            self.counts.patches += u64::from(s.bits(waiting).count_ones());
+            let corner = cell[1] * s.splat_int(lattice.stride as i32) + cell[0];
+            let mut window = s.gather_window::<K>(&lattice.heights, lattice.stride, corner, waiting);
+            let reference = window[K / 2][K / 2];
+            for row in &mut window {
+                for height in row {
+                    *height = *height - reference;
+                }
+            }
+            let place = |axis: usize, t: S::F| {
+                let cells = s.to_float(base_cell[axis] - cell[axis]);
+                s.fma_exact(t, slope[axis], cells) + offset[axis]
+            };
+            let vertical = s.load(&self.rays.direction[1][first..]);
+            let leading = s.load(&start.height[0][first..]);
+            let trailing = s.load(&start.height[1][first..]);
+            let height = |t: S::F| (s.fma_exact(t, vertical, leading) - reference) + trailing;
+            let growth = s.splat(self.rays.tolerance_growth);
+            let segment = Segment {
+                window,
+                u: [place(0, t), place(0, leave)],
+                v: [place(1, t), place(1, leave)],
+                y: [height(t), height(leave)],
+                above,
+                length: leave - t,
+                tolerance: s.fma(growth, t, s.load(&start.tolerance[first..])),
+                mask: waiting,
+            };
+            let answer = self.solver.solve::<S, K, D, ANY>(s, &segment, self.counts);
+            let hits = answer.hit & waiting;
+            if !ANY {
+                found_t = s.select(hits, s.fma(answer.s, segment.length, t), found_t);
+                found[0] = s.select(hits, s.fma(answer.s, segment.u[1] - segment.u[0], segment.u[0]), found[0]);
+                found[1] = s.select(hits, s.fma(answer.s, segment.v[1] - segment.v[0], segment.v[0]), found[1]);
+                for axis in 0..2 {
+                    found_cell[axis] = s.select_int(hits, cell[axis], found_cell[axis]);
+                }
+            }
+            hit = hit | hits;
+            gave_up = gave_up | (answer.gave_up & waiting);
+            active = active & !hits & !(answer.gave_up & waiting);
+
+            // On to the next patch.
+            let missed = waiting & active;
+            above = s.select(missed, answer.above, above);
+            let mut climbs = s.from_bits(0);
+            let across = [crosses_x, !crosses_x];
+            for axis in 0..2 {
+                let beyond = s.select_int(forward[axis], cell[axis] + int_one, cell[axis] - int_one);
+                let next = s.select_int(missed & across[axis], beyond, cell[axis]);
+                climbs =
+                    climbs | (missed & !s.eq_int(s.shift_right(next, int_one), s.shift_right(cell[axis], int_one)));
+                cell[axis] = next;
+            }
+            level = s.select_int(climbs, s.min_int(int_one, top_level), level);
+            t = s.select(missed, leave, t);
+            active = active & !(missed & (s.le(end, leave) | self.outside(s, &cell, &last_cell)));
+        }
+
+        let hits = s.bits(hit);
+        self.hits.hit |= (hits << first) as u16;
+        let doubtful = s.bits(gave_up);
+        self.hits.gave_up |= (doubtful << first) as u16;
+        self.counts.gave_up += u64::from(doubtful.count_ones());
+        if ANY || hits == 0 {
+            return;
+        }
+        self.record(s, start, first, hits, found_t, found, found_cell);
+    }
+
+    /// Lanes whose cell lies outside the grid.
+    #[inline(always)]
+    fn outside<S: Simd>(&self, s: S, cell: &[S::I; 2], last_cell: &[S::I; 2]) -> S::M {
+        let zero = s.splat_int(0);
+        s.gt_int(zero, cell[0])
+            | s.gt_int(zero, cell[1])
+            | s.gt_int(cell[0], last_cell[0])
+            | s.gt_int(cell[1], last_cell[1])
+    }
+
+    /// Writes the hits of lanes `first..first + S::LANES` as the packet's caller wants them.
+    #[inline(always)]
+    fn record<S: Simd>(
+        &mut self,
+        s: S,
+        start: &Start,
+        first: usize,
+        hits: u32,
+        found_t: S::F,
+        found: [S::F; 2],
+        found_cell: [S::I; 2],
+    ) {
+        let (zero, one) = (s.splat(0.0), s.splat(1.0));
+        let [u, v] = found.map(|place| s.min(s.max(place, zero), one));
+        let mask = s.from_bits(hits);
+        let corner = found_cell[1] * s.splat_int(self.lattice.stride as i32) + found_cell[0];
+        let window = s.gather_window::<K>(&self.lattice.heights, self.lattice.stride, corner, mask);
+        let (along_u, along_v) = slopes::<S, K>(s, &window, u, v);
+        let patch = found_cell[1] * s.splat_int(self.lattice.cells[0] as i32) + found_cell[0];
+        let mut t = [0.0f32; LANES];
+        let mut patches = [0i32; LANES];
+        let mut fields = [[0.0f32; LANES]; 4];
+        s.store(found_t, &mut t);
+        s.store_int(patch, &mut patches);
+        s.store(u, &mut fields[0]);
+        s.store(v, &mut fields[1]);
+        s.store(along_u * s.splat((-1.0 / self.lattice.width[0]) as f32), &mut fields[2]);
+        s.store(along_v * s.splat((-1.0 / self.lattice.width[1]) as f32), &mut fields[3]);
+        for lane in 0..S::LANES {
+            if hits >> lane & 1 == 1 {
+                let to = first + lane;
+                let far = f64::from(self.rays.tfar[to]);
+                self.hits.t[to] = (start.base[to] + f64::from(t[lane])).min(far) as f32;
+                self.hits.primitive[to] = patches[lane] as u32;
+                self.hits.u[to] = fields[0][lane];
+                self.hits.v[to] = fields[1][lane];
+                self.hits.normal[0][to] = fields[2][lane];
+                self.hits.normal[1][to] = 1.0;
+                self.hits.normal[2][to] = fields[3][lane];
+            }
+        }
+    }
+}
+
+/// Slopes of the patch per unit of u and v.
+#[inline(always)]
+fn slopes<S: Simd, const K: usize>(s: S, window: &[[S::F; K]; K], u: S::F, v: S::F) -> (S::F, S::F) {
+    let ((bu, du), (bv, dv)) = (lane_basis::<S, K>(s, u), lane_basis::<S, K>(s, v));
+    let (mut along_u, mut along_v) = (s.splat(0.0), s.splat(0.0));
+    for b in 0..K {
+        let (mut value, mut slope) = (s.splat(0.0), s.splat(0.0));
+        for a in 0..K {
+            value = s.fma(window[b][a], bu[a], value);
+            slope = s.fma(window[b][a], du[a], slope);
+        }
+        along_u = s.fma(slope, bv[b], along_u);
+        along_v = s.fma(value, dv[b], along_v);
+    }
+    (along_u, along_v)
+}
+
+/// [`super::lattice::basis`] in lanes.
+#[inline(always)]
+fn lane_basis<S: Simd, const K: usize>(s: S, u: S::F) -> ([S::F; K], [S::F; K]) {
+    let one = s.splat(1.0);
+    let w = one - u;
+    let half = s.splat(0.5);
+    let zero = s.splat(0.0);
+    let (value, slope) = match K {
+        2 => ([w, u, zero, zero], [zero - one, one, zero, zero]),
+        3 => ([half * w * w, s.fma(u, w, half), half * u * u, zero], [zero - w, w - u, u, zero]),
+        _ => {
+            let sixth = s.splat(1.0 / 6.0);
+            let two_thirds = s.splat(2.0 / 3.0);
+            let inner = |x: S::F| two_thirds - x * x * (one - half * x);
+            let (one_and_half, two) = (s.splat(1.5), s.splat(2.0));
+            (
+                [sixth * w * w * w, inner(u), inner(w), sixth * u * u * u],
+                [zero - half * w * w, u * (one_and_half * u - two), zero - w * (one_and_half * w - two), half * u * u],
+            )
+        }
+    };
+    (std::array::from_fn(|index| value[index]), std::array::from_fn(|index| slope[index]))
+}
