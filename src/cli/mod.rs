@@ -1,5 +1,8 @@
 //! What was typed → a checked job.
 
+pub mod convert;
+pub mod inspect;
+
 use std::ffi::OsString;
 use std::process::ExitCode;
 

@@ -1,6 +1,150 @@
 //! The simulation's files: `model.state`, `time###.state` as text and as NPZ.
 //!
 //! Everything here is double precision in the file's own frame; nothing is recentred or repaired.
+//! [`read_frame`] and [`read_model`] are the ways in, [`FrameSequence`] finds a scene's frames, [`save_frame`] and
+//! [`save_model`] the ways out. A file that is wrong is a [`StateError::Damaged`] that lists what and where.
+
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::Path;
+
+pub mod summary;
+
+mod check;
+mod error;
+mod frame_npz;
+mod frame_text;
+mod lines;
+mod model_text;
+mod npy;
+mod npz;
+mod sequence;
+mod whole_file;
+
+pub use check::MAX_ROWS;
+pub use error::{MAX_LISTED, Place, Problem, StateError};
+pub use frame_npz::write_frame_npz;
+pub use frame_text::write_frame_text;
+pub use model_text::write_model;
+pub use npy::Header;
+pub use npz::{Archive, Array};
+pub use sequence::FrameSequence;
+
+use error::Problems;
+
+/// What a file is, by its first bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileKind {
+    /// A frame.
+    Frame(Encoding),
+    /// A model.
+    Model,
+}
+
+/// The two forms of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Encoding {
+    /// Decimal text.
+    Text,
+    /// An archive of numpy arrays.
+    Npz,
+}
+
+/// What a file is, whatever its name.
+///
+/// # Errors
+/// A file that cannot be opened, is not a regular one, or opens as neither a frame nor a model.
+pub fn detect(path: impl AsRef<Path>) -> Result<FileKind, StateError> {
+    let path = path.as_ref();
+    let mut file = open(path)?;
+    if is_zip(&mut file).map_err(StateError::at(path))? {
+        return Ok(FileKind::Frame(Encoding::Npz));
+    }
+    let first = lines::Lines::new(BufReader::new(file)).and_then(|lines| match lines.keyword() {
+        Some(frame_text::MAGIC) => Ok(FileKind::Frame(Encoding::Text)),
+        Some(model_text::MAGIC) => Ok(FileKind::Model),
+        _ => {
+            let expected = format!("`{} 1`, `{} 1` or an NPZ archive", frame_text::MAGIC, model_text::MAGIC);
+            Err(lines.unexpected(expected).into())
+        }
+    });
+    Problems::default().settle(path, first)
+}
+
+/// Reads one time step, text or NPZ by the file's first bytes.
+///
+/// *Units*: metres, seconds, kilograms in the file's own frame; `dry_threshold` (m) is how far `top` may lie under `base`.
+///
+/// # Errors
+/// [`StateError::Damaged`] with every problem that could be told apart (up to [`MAX_LISTED`]), or what the system says.
+/// No size that a file claims is believed beyond what its bytes can hold.
+pub fn read_frame(path: impl AsRef<Path>, dry_threshold: f64) -> Result<Frame, StateError> {
+    let path = path.as_ref();
+    if !(dry_threshold.is_finite() && dry_threshold >= 0.0) {
+        return Err(StateError::DryThreshold(dry_threshold));
+    }
+    let mut file = open(path)?;
+    let mut problems = Problems::default();
+    let frame = if is_zip(&mut file).map_err(StateError::at(path))? {
+        frame_npz::read(path, dry_threshold, &mut problems)
+    } else {
+        let bytes = file.metadata().map_err(StateError::at(path))?.len();
+        frame_text::read(BufReader::with_capacity(1 << 16, file), bytes, dry_threshold, &mut problems)
+    };
+    problems.settle(path, frame)
+}
+
+/// Reads what does not move.
+///
+/// # Errors
+/// As [`read_frame`].
+pub fn read_model(path: impl AsRef<Path>) -> Result<Model, StateError> {
+    let path = path.as_ref();
+    let file = open(path)?;
+    let mut problems = Problems::default();
+    let model = model_text::read(BufReader::new(file), &mut problems);
+    problems.settle(path, model)
+}
+
+/// Writes a frame into a file that has its name only when it is whole.
+///
+/// # Errors
+/// A value that the reader would refuse, or what the system says.
+///
+/// # Panics
+/// If the frame's arrays differ in length.
+pub fn save_frame(frame: &Frame, path: impl AsRef<Path>, encoding: Encoding) -> Result<(), StateError> {
+    whole_file::write_whole(path.as_ref(), |writer| match encoding {
+        Encoding::Text => write_frame_text(frame, writer),
+        Encoding::Npz => write_frame_npz(frame, writer),
+    })
+}
+
+/// Writes a model into a file that has its name only when it is whole.
+///
+/// # Errors
+/// As [`write_model`], or what the system says.
+pub fn save_model(model: &Model, path: impl AsRef<Path>) -> Result<(), StateError> {
+    whole_file::write_whole(path.as_ref(), |writer| write_model(model, writer))
+}
+
+/// Opens a regular file: a pipe cannot be sought in, a device may never end.
+fn open(path: &Path) -> Result<File, StateError> {
+    let metadata = std::fs::metadata(path).map_err(StateError::at(path))?;
+    if !metadata.is_file() {
+        return Err(StateError::NotAFile { path: path.to_path_buf() });
+    }
+    File::open(path).map_err(StateError::at(path))
+}
+
+/// Whether a file opens as a zip archive (with an entry, or empty); leaves it at its start.
+fn is_zip(file: &mut File) -> std::io::Result<bool> {
+    use std::io::Seek;
+    let mut start = Vec::new();
+    file.by_ref().take(4).read_to_end(&mut start)?;
+    file.rewind()?;
+    Ok(start == b"PK\x03\x04" || start == b"PK\x05\x06")
+}
 
 /// One time step.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -16,7 +160,7 @@ pub struct Frame {
 }
 
 /// An array that a frame carries and we do not read.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct ExtraArray {
     /// Its name in the archive.
     pub name: String,
