@@ -10,9 +10,9 @@ const FILL: f64 = 0.92;
 /// Heights of the eye above the horizontal as seen from the water (degrees), lowest and most pleasant first.
 const ELEVATIONS: [f64; 6] = [24.0, 30.0, 38.0, 50.0, 65.0, 85.0];
 
-/// Sides that the eye may stand on (degrees from north, eastward): the default sun stands in the south-east, and a
-/// quarter turn away from it shows both its light on the banks and its glitter.
-const SIDES: [f64; 4] = [155.0, 200.0, 110.0, 335.0];
+/// Sides that the eye may stand on (degrees from north, eastward). The default sun stands in the south-east: from about
+/// there it lights what is seen, and from its flanks its glitter shows.
+const SIDES: [f64; 6] = [155.0, 130.0, 180.0, 105.0, 205.0, 230.0];
 
 /// Eye and point looked at (files' frame, m) from which all `points` are in a picture of `aspect` (width over height) and
 /// vertical field of view `fov` (degrees).
@@ -39,8 +39,11 @@ pub fn frame_points(
     let tangent = DVec2::new(half.tan() * aspect, half.tan()) * FILL;
     let clearance = 0.03 * size;
 
-    let mut best: Option<(f64, [DVec3; 2])> = None;
+    // Of the lowest elevation from which most of the water shows, the side from which it fills most of the picture; if
+    // there is none, whatever shows most.
+    let mut fallback: Option<(f64, [DVec3; 2])> = None;
     for elevation in ELEVATIONS {
+        let mut best: Option<(f64, [DVec3; 2])> = None;
         for side in SIDES {
             let towards_eye = direction(elevation, side);
             let pose = Pose::looking(centre + towards_eye, centre, DVec3::Y, fov, None)?;
@@ -48,20 +51,24 @@ pub fn frame_points(
             if extent == 0.0 {
                 eye -= size / (2.0 * tangent.min_element()) * pose.forward;
             }
-            let look_at = eye + pose.forward * (centre - eye).dot(pose.forward);
+            let placed = [eye, eye + pose.forward * (centre - eye).dot(pose.forward)];
             if ground(eye.x, eye.z).is_some_and(|height| eye.y < height + clearance) {
                 continue;
             }
             let seen = visible_share(points, eye, ground);
-            if seen >= 0.8 {
-                return Ok([eye, look_at]);
+            let filled = covered_area(points, &Pose { eye, ..pose }, tangent);
+            if seen >= 0.8 && best.is_none_or(|(most, _)| filled > most) {
+                best = Some((filled, placed));
             }
-            if best.is_none_or(|(share, _)| seen > share) {
-                best = Some((seen, [eye, look_at]));
+            if fallback.is_none_or(|(most, _)| seen > most) {
+                fallback = Some((seen, placed));
             }
         }
+        if let Some((_, placed)) = best {
+            return Ok(placed);
+        }
     }
-    if let Some((_, placed)) = best {
+    if let Some((_, placed)) = fallback {
         return Ok(placed);
     }
     // Only a deep narrow gorge gets here: stand straight above the ground's rim over the centre.
@@ -96,6 +103,38 @@ fn fit(points: impl Iterator<Item = DVec3>, pose: &Pose, tangent: DVec2) -> DVec
     }
     let depth = (-(reach[0] + reach[1]) / (2.0 * tangent.x)).min(-(reach[2] + reach[3]) / (2.0 * tangent.y));
     anchor + pose.right * ((reach[0] - reach[1]) / 2.0) + pose.up * ((reach[2] - reach[3]) / 2.0) + pose.forward * depth
+}
+
+/// Share of the picture inside the convex hull of a sample of `points`, seen from `pose`.
+///
+/// *Source*: A. Andrew, Another efficient algorithm for convex hulls in two dimensions, 1979.
+fn covered_area(points: &[DVec3], pose: &Pose, tangent: DVec2) -> f64 {
+    let step = (points.len() / 1024).max(1);
+    let mut film: Vec<DVec2> = points
+        .iter()
+        .step_by(step)
+        .map(|&point| point - pose.eye)
+        .map(|offset| DVec2::new(offset.dot(pose.right), offset.dot(pose.up)) / (offset.dot(pose.forward) * tangent))
+        .filter(|point| point.is_finite())
+        .collect();
+    film.sort_by(|left, right| left.x.total_cmp(&right.x).then(left.y.total_cmp(&right.y)));
+    let chain = |points: &mut dyn Iterator<Item = DVec2>| {
+        let mut hull: Vec<DVec2> = Vec::new();
+        for point in points {
+            while let [.., before, last] = hull[..] {
+                if (last - before).perp_dot(point - last) > 0.0 {
+                    break;
+                }
+                hull.pop();
+            }
+            hull.push(point);
+        }
+        // Twice the area between the chain and the origin.
+        hull.windows(2).map(|pair| pair[0].perp_dot(pair[1])).sum::<f64>()
+    };
+    let twice = chain(&mut film.iter().copied()) + chain(&mut film.iter().rev().copied());
+    // The picture is a square of side 2 in these coordinates.
+    twice / 2.0 / 4.0
 }
 
 /// Share of a sample of `points` that no ground hides from `eye`.
@@ -176,6 +215,23 @@ mod tests {
         let [eye, look_at] = frame_points(&points, &gorge, 1.5, 40.0).unwrap();
         assert!(gorge(eye.x, eye.z).is_none_or(|height| eye.y > height), "{eye}");
         assert!(look_at.y < eye.y);
+    }
+
+    #[test]
+    fn hull_of_a_level_square_from_above_is_its_share_of_the_picture() {
+        let pose = Pose::looking(DVec3::new(0.0, 2.0, 0.0), DVec3::ZERO, DVec3::NEG_Z, 90.0, None).unwrap();
+        let points: Vec<DVec3> =
+            grid(DVec3::new(-1.0, 0.0, -1.0), [2.0, 2.0]).into_iter().map(|p| p.with_y(0.0)).collect();
+        assert!((covered_area(&points, &pose, DVec2::ONE) - 0.25).abs() < 1e-12);
+        assert_eq!(covered_area(&points[..1], &pose, DVec2::ONE), 0.0);
+    }
+
+    #[test]
+    fn a_long_channel_is_seen_along_rather_than_across() {
+        let points = grid(DVec3::ZERO, [80.0, 10.0]);
+        let [eye, look_at] = frame_points(&points, &|_, _| None, 16.0 / 9.0, 40.0).unwrap();
+        let view = (look_at - eye).normalize();
+        assert!(view.x.abs() > view.z.abs(), "{view}");
     }
 
     #[test]

@@ -371,10 +371,11 @@ impl World<'_> {
         let mut facing = Some(towards_viewer(contact.normal));
         let (mut sky_view, mut opacity, mut velocity) = (1.0, 1.0, Vec3::ZERO);
         let mut own_layer = Layer::Terrain;
+        let depth = if carrier.in_water { self.depth_at(contact.position) } else { 0.0 };
         let albedo = match &part.material {
             Material::Ground => {
                 let footprint = carrier.distance * self.camera.pixel_angle() as f32;
-                let look = self.matter.ground(contact.position, contact.shading, footprint);
+                let look = self.matter.ground(contact.position, contact.shading, depth, footprint);
                 normal = if direction.dot(contact.normal) > 0.0 { -look.normal } else { look.normal };
                 sky_view = look.sky_view;
                 look.albedo
@@ -409,7 +410,6 @@ impl World<'_> {
         scratch.film.add_guide(carrier.pixel, carrier.guide * opacity, albedo, normal);
 
         let layer = carrier.layer.unwrap_or(own_layer);
-        let depth = if carrier.in_water { self.depth_at(contact.position) } else { 0.0 };
         let mut weight = carrier.throughput * albedo * (opacity * std::f32::consts::FRAC_1_PI);
         if carrier.in_water {
             weight *= self.returned_light(albedo, depth);

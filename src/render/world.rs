@@ -36,8 +36,9 @@ pub struct SprayLook {
 
 /// What the integrator asks about matter, in the local frame.
 pub trait Matter: Sync {
-    /// The ground at `position` with unit normal `normal`; `footprint` is the width (m) of what one sample sees of it.
-    fn ground(&self, position: Vec3, normal: Vec3, footprint: f32) -> GroundLook;
+    /// The ground at `position` with unit normal `normal`, under `depth` metres of water (0 in air); `footprint` is the
+    /// width (m) of what one sample sees of it.
+    fn ground(&self, position: Vec3, normal: Vec3, depth: f32, footprint: f32) -> GroundLook;
     /// Particle `index`.
     fn spray(&self, index: u32) -> SprayLook;
     /// Height of the water's surface at x, z; `None` where no water is.

@@ -133,11 +133,15 @@ impl Natural {
         }
 
         let reach = self.wet * (0.7 + 0.6 * ragged).max(0.1);
-        let wetness = if point.water_depth > 0.0 { 1.0 } else { 1.0 - ramp(0.3 * reach, reach, point.height_above_water) };
+        // Under water the renderer's own surface darkens the ground, by the same Fresnel terms as `wet`: once is enough.
+        let wetness =
+            if point.water_depth > 0.0 { 0.0 } else { 1.0 - ramp(0.3 * reach, reach, point.height_above_water) };
         if wetness > 0.0 {
             albedo = albedo.lerp(wet(albedo), wetness);
-            // A brown-green film grows on what stays under water.
-            let film = 0.35 * ramp(0.0, 1.5 * self.shore, -height);
+        }
+        // A brown-green film grows on what stays under water.
+        let film = 0.35 * ramp(0.0, 1.5 * self.shore, -height);
+        if film > 0.0 {
             albedo = albedo.lerp(albedo * rgb(0.92, 0.98, 0.72), film);
         }
 
@@ -166,7 +170,8 @@ impl Natural {
         let stones = self.grain.value(p + Vec3::splat(31.7), footprint, 1, 7, 0.85);
         let sand = rgb(0.335, 0.285, 0.205) * (1.0 + 0.12 * fine);
         // Stones of two colours, as a river brings them.
-        let gravel = rgb(0.155, 0.148, 0.138).lerp(rgb(0.315, 0.282, 0.232), ramp(-0.5, 0.5, stones)) * (1.0 + 0.25 * fine);
+        let gravel =
+            rgb(0.155, 0.148, 0.138).lerp(rgb(0.315, 0.282, 0.232), ramp(-0.5, 0.5, stones)) * (1.0 + 0.25 * fine);
         // The current carries sand away: gravel under water and at its edge, sand where it dries out, both in patches.
         let washed = ramp(0.5, -0.4, height / self.shore - 0.8 * broad);
         sand.lerp(gravel, (0.25 + 0.75 * washed).min(1.0))

@@ -93,8 +93,10 @@ fn check(path: &Path, raw: Raw) -> Result<Mesh, TerrainError> {
     if let Some((vertex, value)) = position.iter().enumerate().find(|(_, value)| !value.is_finite()) {
         return wrong("the position", vertex, *value, "finite numbers");
     }
-    if let Some((triangle, &index)) =
-        index.iter().enumerate().find_map(|(i, corners)| corners.iter().find(|&&c| c as usize >= vertices).map(|c| (i, c)))
+    if let Some((triangle, &index)) = index
+        .iter()
+        .enumerate()
+        .find_map(|(i, corners)| corners.iter().find(|&&c| c as usize >= vertices).map(|c| (i, c)))
     {
         return Err(TerrainError::Index { path: path.to_owned(), triangle, index, vertices });
     }

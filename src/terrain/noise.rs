@@ -62,7 +62,14 @@ impl Field {
     /// As [`value`](Self::value), and beside it the sum's gradient weighted so that every octave is equally steep: the slope of a
     /// relief whose bumps are as high as they are wide times a constant.
     #[inline]
-    pub(super) fn with_slope(&self, position: Vec3, footprint: f32, first: usize, last: usize, gain: f32) -> (f32, Vec3) {
+    pub(super) fn with_slope(
+        &self,
+        position: Vec3,
+        footprint: f32,
+        first: usize,
+        last: usize,
+        gain: f32,
+    ) -> (f32, Vec3) {
         let (mut sum, mut slope, mut amplitude) = (0.0, Vec3::ZERO, 1.0);
         for octave in &self.octaves[first..last] {
             let visible = visibility(1.0, footprint * octave.frequency);
@@ -70,7 +77,8 @@ impl Field {
                 break;
             }
             let [cos, sin] = octave.turn;
-            let turned = Vec3::new(cos * position.x - sin * position.z, position.y, sin * position.x + cos * position.z);
+            let turned =
+                Vec3::new(cos * position.x - sin * position.z, position.y, sin * position.x + cos * position.z);
             let (value, g) = gradient_noise(turned * octave.frequency + octave.rest, octave.cell, octave.seed);
             sum += visible * amplitude * value;
             slope += visible * Vec3::new(cos * g.x + sin * g.z, g.y, cos * g.z - sin * g.x);
@@ -109,7 +117,9 @@ fn visibility(cell: f32, footprint: f32) -> f32 {
 /// A well-mixed word from a lattice point (the finaliser of MurmurHash3 over a linear combination).
 #[inline]
 fn hash(x: i32, y: i32, z: i32, seed: u32) -> u32 {
-    let mut h = (x as u32).wrapping_mul(0x8da6_b343) ^ (y as u32).wrapping_mul(0xd816_3841) ^ (z as u32).wrapping_mul(0xcb1a_b31f);
+    let mut h = (x as u32).wrapping_mul(0x8da6_b343)
+        ^ (y as u32).wrapping_mul(0xd816_3841)
+        ^ (z as u32).wrapping_mul(0xcb1a_b31f);
     h = (h ^ seed).wrapping_mul(0x85eb_ca6b);
     h ^= h >> 13;
     h = h.wrapping_mul(0xc2b2_ae35);
@@ -133,7 +143,8 @@ fn gradient_noise(place: Vec3, cell: [i32; 3], seed: u32) -> (f32, Vec3) {
         let gradient = Vec3::new(unit(h), unit(h >> 10), unit(h >> 20));
         let offset = Vec3::new(at[0] as f32, at[1] as f32, at[2] as f32);
         let value = gradient.dot(f - offset);
-        let pick = |axis: usize| if at[axis] == 1 { (fade[axis], dfade[axis]) } else { (1.0 - fade[axis], -dfade[axis]) };
+        let pick =
+            |axis: usize| if at[axis] == 1 { (fade[axis], dfade[axis]) } else { (1.0 - fade[axis], -dfade[axis]) };
         let ((wx, dx), (wy, dy), (wz, dz)) = (pick(0), pick(1), pick(2));
         let weight = wx * wy * wz;
         sum += weight * value;

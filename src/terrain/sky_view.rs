@@ -12,8 +12,22 @@ use super::waterline::Grid;
 
 /// Directions as whole steps of columns, one of each opposite pair per entry.
 const DIRECTIONS: [(isize, isize); 16] = [
-    (1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1),
-    (-1, 0), (-2, -1), (-1, -1), (-1, -2), (0, -1), (1, -2), (1, -1), (2, -1),
+    (1, 0),
+    (2, 1),
+    (1, 1),
+    (1, 2),
+    (0, 1),
+    (-1, 2),
+    (-1, 1),
+    (-2, 1),
+    (-1, 0),
+    (-2, -1),
+    (-1, -1),
+    (-1, -2),
+    (0, -1),
+    (1, -2),
+    (1, -1),
+    (2, -1),
 ];
 /// Multiples of a step that are looked at: near ones all, far ones sparsely.
 const STEPS: [isize; 9] = [1, 2, 3, 4, 6, 9, 13, 19, 28];

@@ -25,7 +25,8 @@ impl Waterline {
     pub fn build(columns: &state::Columns, dry_threshold: f64, origin: DVec3) -> Self {
         let (nx, nz) = (columns.nx, columns.nz);
         let grid = Grid::new(columns, origin);
-        let wet: Vec<bool> = columns.top.iter().zip(&columns.base).map(|(top, base)| top - base >= dry_threshold).collect();
+        let wet: Vec<bool> =
+            columns.top.iter().zip(&columns.base).map(|(top, base)| top - base >= dry_threshold).collect();
         let depth =
             (0..nx * nz).map(|i| if wet[i] { (columns.top[i] - columns.base[i]) as f32 } else { 0.0 }).collect();
         let Some(nearest) = nearest_wet(&wet, nx, nz, columns.width) else {
@@ -39,7 +40,11 @@ impl Waterline {
                     if !wet[z * nx + x] {
                         let (left, right) = (x.saturating_sub(1), (x + 1).min(nx - 1));
                         let (north, south) = (z.saturating_sub(1), (z + 1).min(nz - 1));
-                        *out = 0.25 * (level[z * nx + left] + level[z * nx + right] + level[north * nx + x] + level[south * nx + x]);
+                        *out = 0.25
+                            * (level[z * nx + left]
+                                + level[z * nx + right]
+                                + level[north * nx + x]
+                                + level[south * nx + x]);
                     }
                 }
             });
@@ -186,7 +191,8 @@ mod tests {
     #[test]
     fn dry_ground_takes_the_nearest_waters_level() {
         // Two waters, 40 columns apart.
-        let line = Waterline::build(&columns(61, 5, &[(10, 2, 2.0), (50, 2, 4.0)]), 1e-3, DVec3::new(100.0, 0.0, 200.0));
+        let line =
+            Waterline::build(&columns(61, 5, &[(10, 2, 2.0), (50, 2, 4.0)]), 1e-3, DVec3::new(100.0, 0.0, 200.0));
         let level = |x: usize| line.level(2.0 * x as f32, 4.0).unwrap();
         assert!((level(2) - 2.0).abs() < 1e-6);
         assert!((level(20) - 2.0).abs() < 1e-6);

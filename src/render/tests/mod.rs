@@ -39,7 +39,7 @@ impl Default for Flat {
 }
 
 impl Matter for Flat {
-    fn ground(&self, _position: Vec3, normal: Vec3, _footprint: f32) -> GroundLook {
+    fn ground(&self, _position: Vec3, normal: Vec3, _depth: f32, _footprint: f32) -> GroundLook {
         GroundLook { albedo: self.albedo, normal, sky_view: 1.0 }
     }
     fn spray(&self, _index: u32) -> SprayLook {

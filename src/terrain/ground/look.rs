@@ -30,10 +30,13 @@ fn swatch(width: f64, metres: f32, size: u32) -> image::RgbImage {
         let (x, z) = (px as f32 * pixel, py as f32 * pixel);
         let y = height(x, z);
         let e = pixel;
-        let normal = Vec3::new(height(x - e, z) - height(x + e, z), 2.0 * e, height(x, z - e) - height(x, z + e)).normalize();
-        let point = GroundPoint { position: Vec3::new(x, y, z), normal, height_above_water: y, water_depth: (-y).max(0.0) };
+        let normal =
+            Vec3::new(height(x - e, z) - height(x + e, z), 2.0 * e, height(x, z - e) - height(x, z + e)).normalize();
+        let point =
+            GroundPoint { position: Vec3::new(x, y, z), normal, height_above_water: y, water_depth: (-y).max(0.0) };
         let (albedo, bumped) = ground.look(&point, pixel);
-        let light = 0.42 * Vec3::new(0.8, 0.95, 1.15) * (0.5 + 0.5 * bumped.y) + 1.1 * bumped.dot(sun).max(0.0) * Vec3::new(1.1, 1.0, 0.85);
+        let light = 0.42 * Vec3::new(0.8, 0.95, 1.15) * (0.5 + 0.5 * bumped.y)
+            + 1.1 * bumped.dot(sun).max(0.0) * Vec3::new(1.1, 1.0, 0.85);
         to_display(1.6 * albedo * light)
     })
 }
@@ -43,7 +46,9 @@ fn swatch(width: f64, metres: f32, size: u32) -> image::RgbImage {
 fn swatches() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("target/look");
     std::fs::create_dir_all(&folder).unwrap();
-    for (name, width, metres) in [("brook_near", 0.25, 4.0), ("brook", 0.25, 20.0), ("river_far", 0.25, 100.0), ("county", 90.0, 12_000.0)] {
+    for (name, width, metres) in
+        [("brook_near", 0.25, 4.0), ("brook", 0.25, 20.0), ("river_far", 0.25, 100.0), ("county", 90.0, 12_000.0)]
+    {
         let start = std::time::Instant::now();
         swatch(width, metres, 700).save(folder.join(format!("ground_{name}.png"))).unwrap();
         println!("{name}: {:.0} ns per pixel with its relief", start.elapsed().as_secs_f64() * 1e9 / 490_000.0);

@@ -20,7 +20,13 @@ pub(super) fn read(path: &Path) -> Result<Raw, TerrainError> {
         }
     }
     let buffers = gltf::import_buffers(&document, path.parent(), blob).map_err(|error| broken(path, error))?;
-    let mut reader = Reader { path, buffers: &buffers, visited: vec![false; document.nodes().count()], raw: Raw::default(), flat: false };
+    let mut reader = Reader {
+        path,
+        buffers: &buffers,
+        visited: vec![false; document.nodes().count()],
+        raw: Raw::default(),
+        flat: false,
+    };
     // Without a scene every node that is no one's child stands in it.
     match document.default_scene().or_else(|| document.scenes().next()) {
         Some(scene) => {
@@ -51,7 +57,10 @@ fn decodes(uri: &str) -> bool {
     let mut out = Vec::with_capacity(bytes.len());
     let mut i = 0;
     while i < bytes.len() {
-        let code = (bytes[i] == b'%').then(|| uri.get(i + 1..i + 3)).flatten().and_then(|hex| u8::from_str_radix(hex, 16).ok());
+        let code = (bytes[i] == b'%')
+            .then(|| uri.get(i + 1..i + 3))
+            .flatten()
+            .and_then(|hex| u8::from_str_radix(hex, 16).ok());
         out.push(code.unwrap_or(bytes[i]));
         i += if code.is_some() { 3 } else { 1 };
     }
@@ -90,7 +99,9 @@ impl Reader<'_> {
             return Ok(());
         }
         let wrong = |what: &str| broken(self.path, what);
-        let Some(positions) = primitive.get(&Semantic::Positions) else { return Err(wrong("a primitive has no positions")) };
+        let Some(positions) = primitive.get(&Semantic::Positions) else {
+            return Err(wrong("a primitive has no positions"));
+        };
         let count = positions.count();
         self.check(&positions, Dimensions::Vec3, &[DataType::F32], count)?;
         let reader = primitive.reader(|buffer| self.buffers.get(buffer.index()).map(|data| &data.0[..]));
@@ -102,7 +113,8 @@ impl Reader<'_> {
             self.check(&normals, Dimensions::Vec3, &[DataType::F32], count)?;
             // Normals go by the cofactors, which a flattening transform still has.
             let m = glam::DMat3::from_mat4(transform);
-            let cofactor = glam::DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
+            let cofactor =
+                glam::DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
             let side = if transform.determinant() < 0.0 { -1.0 } else { 1.0 };
             let normals = reader.read_normals().ok_or_else(|| wrong("normals cannot be read"))?;
             let turn = |n: [f32; 3]| {
@@ -134,7 +146,12 @@ impl Reader<'_> {
 
         let corners: Vec<u32> = match primitive.indices() {
             Some(indices) => {
-                self.check(&indices, Dimensions::Scalar, &[DataType::U8, DataType::U16, DataType::U32], indices.count())?;
+                self.check(
+                    &indices,
+                    Dimensions::Scalar,
+                    &[DataType::U8, DataType::U16, DataType::U32],
+                    indices.count(),
+                )?;
                 reader.read_indices().ok_or_else(|| wrong("indices cannot be read"))?.into_u32().collect()
             }
             None => (0..count as u32).collect(),
@@ -160,11 +177,21 @@ impl Reader<'_> {
     }
 
     /// That an accessor is of this shape and lies within its view and its buffer.
-    fn check(&self, accessor: &Accessor<'_>, size: Dimensions, types: &[DataType], count: usize) -> Result<(), TerrainError> {
+    fn check(
+        &self,
+        accessor: &Accessor<'_>,
+        size: Dimensions,
+        types: &[DataType],
+        count: usize,
+    ) -> Result<(), TerrainError> {
         let number = accessor.index();
         let wrong = |reason: String| Err(broken(self.path, format!("accessor {number}: {reason}")));
         if accessor.dimensions() != size || !types.contains(&accessor.data_type()) {
-            return wrong(format!("{:?} of {:?}; expected {size:?} of {types:?}", accessor.dimensions(), accessor.data_type()));
+            return wrong(format!(
+                "{:?} of {:?}; expected {size:?} of {types:?}",
+                accessor.dimensions(),
+                accessor.data_type()
+            ));
         }
         if accessor.count() != count || count == 0 {
             return wrong(format!("{} values; expected {}", accessor.count(), count.max(1)));
@@ -180,7 +207,9 @@ impl Reader<'_> {
         let buffer = self.buffers.get(view.buffer().index()).map_or(0, |data| data.0.len());
         match (end, view_end) {
             (Some(end), Some(view_end)) if stride >= item && end <= view.length() && view_end <= buffer => Ok(()),
-            _ => wrong(format!("{count} values of {item} bytes, {stride} apart, reach beyond its view or buffer of {buffer} bytes")),
+            _ => wrong(format!(
+                "{count} values of {item} bytes, {stride} apart, reach beyond its view or buffer of {buffer} bytes"
+            )),
         }
     }
 }

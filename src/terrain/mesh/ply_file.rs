@@ -94,9 +94,14 @@ pub(super) fn read(path: &Path) -> Result<Raw, TerrainError> {
                     .read_payload_for_element(&mut reader, element, &header)
                     .map_err(|error| broken(path, error))?;
                 for (number, face) in faces.into_iter().enumerate() {
-                    let corners = face.0.ok_or_else(|| broken(path, format!("face {number} has a negative or fractional index")))?;
+                    let corners = face
+                        .0
+                        .ok_or_else(|| broken(path, format!("face {number} has a negative or fractional index")))?;
                     if corners.len() < 3 {
-                        return Err(broken(path, format!("face {number} has {} corners; expected at least 3", corners.len())));
+                        return Err(broken(
+                            path,
+                            format!("face {number} has {} corners; expected at least 3", corners.len()),
+                        ));
                     }
                     raw.index.extend((1..corners.len() - 1).map(|i| [corners[0], corners[i], corners[i + 1]]));
                 }
