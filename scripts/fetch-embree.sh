@@ -27,9 +27,20 @@ for place in "$project/target/lib/libembree4.so.4" "$library"; do
         exit 0
     fi
 done
-cache=$({ ldconfig -p || /sbin/ldconfig -p; } 2>/dev/null || true)
-if [[ $cache =~ libembree4\.so\.4[^$'\n']*'=> '([^$'\n']*) ]]; then
-    echo "Embree: ${BASH_REMATCH[1]} (the system's)"
+python=$(command -v python3 || true)
+# Asking the library itself: a system may still carry 4.0 to 4.2, whose structures differ, and the program refuses those.
+system_version() {
+    "$python" - 2>/dev/null <<'PYTHON'
+import ctypes
+embree = ctypes.CDLL("libembree4.so.4")
+embree.rtcNewDevice.restype = ctypes.c_void_p
+embree.rtcGetDeviceProperty.argtypes = [ctypes.c_void_p, ctypes.c_int]
+embree.rtcGetDeviceProperty.restype = ctypes.c_ssize_t
+print(embree.rtcGetDeviceProperty(embree.rtcNewDevice(None), 0))
+PYTHON
+}
+if [[ -n $python ]] && found=$(system_version) && ((found >= 40300 && found < 50000)); then
+    echo "Embree: the system's libembree4.so.4, version $found"
     exit 0
 fi
 
@@ -38,7 +49,6 @@ if [[ $(uname -sm) != "Linux x86_64" ]]; then
     echo "  (Debian, Ubuntu: libembree4-4; Fedora: embree; Homebrew: embree), or name one by WHITEWATER_EMBREE." >&2
     exit 1
 fi
-python=$(command -v python3 || true)
 if [[ -z $python ]] || ! "$python" -m pip --version >/dev/null 2>&1; then
     echo "Embree: python3 with pip is needed to fetch it (Debian, Ubuntu: python3-pip; Fedora: python3-pip)" >&2
     exit 1

@@ -20,7 +20,7 @@
 //! | [`optics`] | Fresnel, absorption, sky, sun |
 //! | [`render`] | camera, sampler, film, tiles, integrators |
 //! | [`output`] | EXR, metadata, PNG/JPEG/BMP, whole files only |
-//! | [`cli`], [`bench`] | sit on top; nothing imports them |
+//! | [`mod@cli`], [`mod@bench`] | sit on top; nothing imports them |
 //!
 //! Frame: metres, right-handed, y up, x east, z south. Files are double precision; everything below [`lower`] is single
 //! precision around a scene origin chosen there.

@@ -23,8 +23,20 @@ pub(crate) struct Device {
 struct Inner {
     library: &'static Library,
     handle: RTCDevice,
+    packet_width: PacketWidth,
     /// Where the callbacks write; boxed, so that its place stays while they may run.
     record: Box<Record>,
+}
+
+/// Rays that Embree traces as one packet on this processor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum PacketWidth {
+    /// AVX-512.
+    Sixteen,
+    /// AVX, AVX2.
+    Eight,
+    /// SSE, NEON.
+    Four,
 }
 
 /// What Embree told us through its callbacks.
@@ -66,8 +78,10 @@ impl Device {
             let message = unsafe { owned(embree.rtcGetDeviceLastErrorMessage(std::ptr::null_mut())) };
             return Err(EmbreeError::Call { call, code: name(embree, code), message });
         }
-        let device = Self { inner: Arc::new(Inner { library, handle, record: Box::default() }) };
-        device.refuse_unsuitable()?;
+        // Released by this on every way out; its functions' table is `library`'s.
+        let mut inner = Inner { library, handle, packet_width: PacketWidth::Four, record: Box::default() };
+        inner.packet_width = inner.suitable()?;
+        let device = Self { inner: Arc::new(inner) };
         let record = std::ptr::from_ref::<Record>(&device.inner.record).cast_mut().cast::<c_void>();
         // SAFETY: the record is boxed in `Inner`, which releases the device (and with it every callback) before the box.
         unsafe {
@@ -81,6 +95,11 @@ impl Device {
     /// Bytes that Embree holds for this device now.
     pub(crate) fn memory(&self) -> u64 {
         self.inner.record.bytes.load(Ordering::Relaxed).max(0).unsigned_abs()
+    }
+
+    /// How many rays to ask at once.
+    pub(super) fn packet_width(&self) -> PacketWidth {
+        self.inner.packet_width
     }
 
     /// Embree's functions.
@@ -104,28 +123,23 @@ impl Device {
         let message = std::mem::take(&mut *messages).join("; ");
         Err(EmbreeError::Call { call, code: name(self.embree(), code), message })
     }
+}
 
+impl Inner {
     fn property(&self, property: RTCDeviceProperty) -> isize {
         // SAFETY: the device lives, and every property is one of Embree's own.
-        unsafe { self.embree().rtcGetDeviceProperty(self.handle(), property) }
+        unsafe { self.library.functions.rtcGetDeviceProperty(self.handle, property) }
     }
 
-    /// The version against the headers', and the compile-time choices of the library that would change pictures.
-    fn refuse_unsuitable(&self) -> Result<(), EmbreeError> {
-        let library = || self.inner.library.path.clone();
-        let version = self.property(RTCDeviceProperty::RTC_DEVICE_PROPERTY_VERSION);
+    /// The widest packets; or why the library will not do: its version against the headers', and choices made when it was
+    /// compiled that would change pictures.
+    fn suitable(&self) -> Result<PacketWidth, EmbreeError> {
+        use RTCDeviceProperty as P;
+        let library = || self.library.path.clone();
+        let version = self.property(P::RTC_DEVICE_PROPERTY_VERSION);
         if !version_fits(version) {
             let found = format!("{}.{}.{}", version / 10000, version / 100 % 100, version % 100);
             return Err(EmbreeError::Version { library: library(), found });
-        }
-        use RTCDeviceProperty as P;
-        let packets = [
-            P::RTC_DEVICE_PROPERTY_NATIVE_RAY4_SUPPORTED,
-            P::RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED,
-            P::RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED,
-        ];
-        if packets.into_iter().all(|property| self.property(property) == 0) {
-            return Err(EmbreeError::Build { library: library(), what: "without ray packets" });
         }
         for (property, wanted, what) in [
             (P::RTC_DEVICE_PROPERTY_TRIANGLE_GEOMETRY_SUPPORTED, true, "without triangles"),
@@ -138,7 +152,14 @@ impl Device {
                 return Err(EmbreeError::Build { library: library(), what });
             }
         }
-        Ok(())
+        [
+            (P::RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED, PacketWidth::Sixteen),
+            (P::RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED, PacketWidth::Eight),
+            (P::RTC_DEVICE_PROPERTY_NATIVE_RAY4_SUPPORTED, PacketWidth::Four),
+        ]
+        .into_iter()
+        .find_map(|(property, width)| (self.property(property) != 0).then_some(width))
+        .ok_or_else(|| EmbreeError::Build { library: library(), what: "without ray packets" })
     }
 }
 
@@ -197,6 +218,20 @@ mod tests {
             [(30000, false), (40200, false), (40299, false), (40300, true), (40400, true), (50000, false)]
         {
             assert_eq!(version_fits(version), fits, "{version}");
+        }
+    }
+
+    #[test]
+    fn packets_are_as_wide_as_the_instruction_set() {
+        let width = |settings| Device::new(1, settings).unwrap().packet_width();
+        assert_eq!(width("isa=sse4.2"), PacketWidth::Four);
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            assert_eq!(width("isa=avx2"), PacketWidth::Eight);
+        }
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx512f") {
+            assert_eq!(width(""), PacketWidth::Sixteen);
         }
     }
 

@@ -23,7 +23,7 @@ mod loader;
 mod packet;
 mod scene;
 
-pub(crate) use bindings::{RTCRay16 as Ray16, RTCRayHit as RayHit, RTCRayHit16 as RayHit16};
+pub(crate) use bindings::{RTCRay as Ray, RTCRay16 as Ray16, RTCRayHit as RayHit, RTCRayHit16 as RayHit16};
 pub(crate) use device::Device;
 pub use error::EmbreeError;
 pub(crate) use packet::{PacketGeometry, PacketHits, PacketRays};

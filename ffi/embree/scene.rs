@@ -10,9 +10,10 @@ use glam::Vec3;
 use super::EmbreeError;
 use super::bindings::{
     RTCBufferType, RTCBuildQuality, RTCFeatureFlags, RTCFormat, RTCGeometry, RTCGeometryType, RTCIntersectArguments,
-    RTCOccludedArguments, RTCRay16, RTCRayHit, RTCRayHit16, RTCRayQueryFlags, RTCScene, RTCSceneFlags,
+    RTCOccludedArguments, RTCRay, RTCRay4, RTCRay8, RTCRay16, RTCRayHit, RTCRayHit4, RTCRayHit8, RTCRayHit16,
+    RTCRayQueryFlags, RTCScene, RTCSceneFlags,
 };
-use super::device::Device;
+use super::device::{Device, PacketWidth};
 use super::packet::{Context, PacketGeometry, bounds_callback, intersect_callback, occluded_callback};
 
 /// Which of 16 lanes hold a ray: -1 or 0 each.
@@ -223,15 +224,65 @@ impl Drop for Geometry {
     }
 }
 
+/// `C` components of `N` lanes, as Embree lays out packets, aligned for the widest.
+#[repr(C, align(64))]
+struct Lanes<const C: usize, const N: usize>([[u32; N]; C]);
+
+/// Asks for 16 lanes in parts of `N`, leaving out parts without a valid lane.
+fn in_parts<const C: usize, const N: usize>(
+    valid: &Valid16,
+    wide: &mut [[u32; 16]; C],
+    mut ask: impl FnMut(*const i32, *mut Lanes<C, N>),
+) {
+    for start in (0..16).step_by(N) {
+        let mut part_valid = Valid16([0; 16]);
+        part_valid.0[..N].copy_from_slice(&valid.0[start..start + N]);
+        if part_valid.0 == [0; 16] {
+            continue;
+        }
+        let mut part = Lanes([[0; N]; C]);
+        for (to, from) in part.0.iter_mut().zip(wide.iter()) {
+            to.copy_from_slice(&from[start..start + N]);
+        }
+        ask(part_valid.0.as_ptr(), &mut part);
+        for (from, to) in part.0.iter().zip(wide.iter_mut()) {
+            to[start..start + N].copy_from_slice(from);
+        }
+    }
+}
+
+// A ray has 12 components, a hit 9 more; each is four bytes in every lane, without padding.
+const RAY: usize = 12;
+const RAY_HIT: usize = 21;
+const _: () = {
+    assert!(size_of::<RTCRay16>() == RAY * 64 && size_of::<RTCRayHit16>() == RAY_HIT * 64);
+    assert!(size_of::<RTCRay8>() == RAY * 32 && size_of::<RTCRayHit8>() == RAY_HIT * 32);
+    assert!(size_of::<RTCRay4>() == RAY * 16 && size_of::<RTCRayHit4>() == RAY_HIT * 16);
+};
+
 impl<P> CommittedScene<P> {
     /// Nearest hits of up to 16 rays.
+    ///
+    /// On processors that are narrower than 16 lanes the packet goes in parts of 8 or 4: given 16, Embree 4.4 falls back
+    /// to single rays there, which takes about ten times as long with user geometry.
     pub(crate) fn intersect16(&self, valid: &Valid16, rays: &mut RTCRayHit16, payload: &mut P) {
         let mut context = Context::new(payload);
         let mut arguments = intersect_arguments(&mut context);
-        // SAFETY: the scene is committed; all three blocks are ours, aligned by their types, and live through the call.
-        // The callbacks of this scene take a `Context<P>`, as `SceneBuilder<P>::user` demands.
+        let (embree, scene) = (self.scene.device.embree(), self.scene.handle);
+        // SAFETY: the scene is committed; all blocks are ours, aligned by their types and as large as Embree's (asserted
+        // above), and live through the call. The callbacks of this scene take a `Context<P>`, as `SceneBuilder<P>::user`
+        // demands.
         unsafe {
-            self.scene.device.embree().rtcIntersect16(valid.0.as_ptr(), self.scene.handle, rays, &mut arguments);
+            let wide = std::ptr::from_mut(rays).cast::<[[u32; 16]; RAY_HIT]>();
+            match self.scene.device.packet_width() {
+                PacketWidth::Sixteen => embree.rtcIntersect16(valid.0.as_ptr(), scene, rays, &mut arguments),
+                PacketWidth::Eight => in_parts::<RAY_HIT, 8>(valid, &mut *wide, |valid, part| {
+                    embree.rtcIntersect8(valid, scene, part.cast(), &mut arguments);
+                }),
+                PacketWidth::Four => in_parts::<RAY_HIT, 4>(valid, &mut *wide, |valid, part| {
+                    embree.rtcIntersect4(valid, scene, part.cast(), &mut arguments);
+                }),
+            }
         }
     }
 
@@ -243,8 +294,8 @@ impl<P> CommittedScene<P> {
         unsafe { self.scene.device.embree().rtcIntersect1(self.scene.handle, ray, &mut arguments) };
     }
 
-    /// Whether up to 16 rays hit anything: `tfar` becomes -inf where they do.
-    pub(crate) fn occluded16(&self, valid: &Valid16, rays: &mut RTCRay16, payload: &mut P) {
+    /// Whether one ray hits anything: `tfar` becomes -inf where it does.
+    pub(crate) fn occluded1(&self, ray: &mut RTCRay, payload: &mut P) {
         let mut context = Context::new(payload);
         let mut arguments = RTCOccludedArguments {
             flags: RTCRayQueryFlags::RTC_RAY_QUERY_FLAG_INCOHERENT,
@@ -254,8 +305,32 @@ impl<P> CommittedScene<P> {
             occluded: None,
         };
         // SAFETY: as in `intersect16`.
+        unsafe { self.scene.device.embree().rtcOccluded1(self.scene.handle, ray, &mut arguments) };
+    }
+
+    /// Whether up to 16 rays hit anything: `tfar` becomes -inf where they do. In parts, as `intersect16`.
+    pub(crate) fn occluded16(&self, valid: &Valid16, rays: &mut RTCRay16, payload: &mut P) {
+        let mut context = Context::new(payload);
+        let mut arguments = RTCOccludedArguments {
+            flags: RTCRayQueryFlags::RTC_RAY_QUERY_FLAG_INCOHERENT,
+            feature_mask: RTCFeatureFlags::RTC_FEATURE_FLAG_ALL,
+            context: (&raw mut context).cast(),
+            filter: None,
+            occluded: None,
+        };
+        let (embree, scene) = (self.scene.device.embree(), self.scene.handle);
+        // SAFETY: as in `intersect16`.
         unsafe {
-            self.scene.device.embree().rtcOccluded16(valid.0.as_ptr(), self.scene.handle, rays, &mut arguments);
+            let wide = std::ptr::from_mut(rays).cast::<[[u32; 16]; RAY]>();
+            match self.scene.device.packet_width() {
+                PacketWidth::Sixteen => embree.rtcOccluded16(valid.0.as_ptr(), scene, rays, &mut arguments),
+                PacketWidth::Eight => in_parts::<RAY, 8>(valid, &mut *wide, |valid, part| {
+                    embree.rtcOccluded8(valid, scene, part.cast(), &mut arguments);
+                }),
+                PacketWidth::Four => in_parts::<RAY, 4>(valid, &mut *wide, |valid, part| {
+                    embree.rtcOccluded4(valid, scene, part.cast(), &mut arguments);
+                }),
+            }
         }
     }
 }

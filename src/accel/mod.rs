@@ -4,7 +4,7 @@
 //! run time; whichever is chosen, the picture is the same.
 
 mod brute;
-mod embree;
+pub mod embree;
 mod lanes;
 mod pair;
 #[cfg(test)]

@@ -63,7 +63,8 @@ impl Random {
         (self.0 >> 40) as f32 / (1_u64 << 24) as f32
     }
 
-    fn vector(&mut self, scale: f32) -> Vec3 {
+    /// Uniform in a cube of half-width `scale`.
+    pub(super) fn vector(&mut self, scale: f32) -> Vec3 {
         let mut axis = || (self.unit() * 2.0 - 1.0) * scale;
         Vec3::new(axis(), axis(), axis())
     }

@@ -140,4 +140,59 @@ mod tests {
         assert!(contact.shading.x > 0.0 && contact.shading.is_normalized());
         assert!(contact.leave(Vec3::new(1.0, 1e-6, 0.0)).y > 0.0);
     }
+
+    #[test]
+    fn rays_that_leave_a_spline_hit_do_not_meet_it_again_in_place() {
+        use crate::{
+            accel::{self, HitBatch, NO_PART, RayBatch},
+            lower::Lowered,
+            scene::{AccelKind, SolverKind},
+            surface::{Lattice, SimdLevel, SolveCounts, SplineSurface},
+        };
+        // Columns of 5 cm, near the scene origin and two kilometres off.
+        for shift in [0.0, 2000.0] {
+            let (count, width) = (40, 0.05);
+            let height: Vec<f64> = (0..count * count)
+                .map(|i| ((i % count) as f64 * 0.7).sin() * 0.04 + ((i / count) as f64 * 0.4).cos() * 0.05)
+                .collect();
+            let lattice = Lattice::new(3, [count; 2], [shift; 2], [width; 2], &height, |_| true).unwrap();
+            let surface = Arc::new(SplineSurface::new(lattice, SolverKind::Univariate, SimdLevel::detect()));
+            let lowered = Lowered {
+                parts: vec![Part { material: Material::Water, ..part(Shape::Surface(surface)) }],
+                ..Lowered::default()
+            };
+            let accelerator = accel::build(&lowered, AccelKind::Brute, AccelKind::Brute).unwrap();
+            let (mut rays, mut hits, mut counts) = (RayBatch::default(), HitBatch::default(), SolveCounts::default());
+            rays.tolerance_growth = 1e-5;
+            for index in 0..4000_u32 {
+                let [a, b, c, d] = sobol_burley::sample_4d(index, 0, 1);
+                let target = Vec3::new(shift as f32 + 0.1 + 1.7 * a, 0.0, shift as f32 + 0.1 + 1.7 * b);
+                let towards = Vec3::new(2.0 * c - 1.0, -0.3 - d, 1.0 - 2.0 * d).normalize();
+                rays.push(target - 3.0 * towards, towards, 0.0, f32::INFINITY, 0.0);
+            }
+            accelerator.closest(&rays, &mut hits, &mut counts);
+            let mut leaving = RayBatch { tolerance_growth: 1e-5, ..RayBatch::default() };
+            for i in 0..rays.len() {
+                if hits.part[i] == NO_PART {
+                    continue;
+                }
+                let (origin, direction) = (rays.origin(i), rays.direction(i));
+                let place = [hits.u[i], hits.v[i]];
+                let contact =
+                    Contact::new(&lowered.parts[0], hits.primitive[i], place, origin, direction, hits.t[i], Vec3::Y);
+                for new in [direction, direction - 2.0 * direction.dot(contact.normal) * contact.normal] {
+                    // A tenth off the tangent plane: waves may rightly meet a flatter ray at once.
+                    if new.dot(contact.normal).abs() > 0.1 {
+                        leaving.push(contact.leave(new), new, 0.0, f32::INFINITY, 3e-5);
+                    }
+                }
+            }
+            assert!(leaving.len() > 6000);
+            accelerator.closest(&leaving, &mut hits, &mut counts);
+            // From a tenth off the tangent plane, at curvatures of 8 per metre, the next true crossing is over a
+            // centimetre away.
+            let again = hits.t.iter().filter(|&&t| t < 0.01).count();
+            assert_eq!(again, 0, "of {} rays, {shift} m off", leaving.len());
+        }
+    }
 }

@@ -10,7 +10,7 @@ mod film;
 mod framing;
 mod job;
 mod looks;
-mod observer;
+pub mod observer;
 mod path;
 mod sampler;
 mod shadow;

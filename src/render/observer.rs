@@ -1,7 +1,14 @@
-//! What a render tells whoever watches it. Drawing progress on a terminal or in a window lives elsewhere.
+//! How a render in progress is watched. Who watches, and how it looks, is not known here.
 
-/// Someone who watches a render.
+/// Is told of finished tiles, from any thread.
 pub trait Observer: Sync {
-    /// `done` of `total` tiles are finished, `rays` were traced so far. Called from any thread, once per finished tile.
+    /// `done` of `total` tiles of the current frame are finished; `rays` have been traced for it so far.
+    ///
+    /// Threads race: a call may come after one with a greater `done`.
     fn tiles(&self, done: u64, total: u64, rays: u64);
+}
+
+/// Nobody watches.
+impl Observer for () {
+    fn tiles(&self, _done: u64, _total: u64, _rays: u64) {}
 }

@@ -1,5 +1,18 @@
 //! The scene file: TOML → plain data, its JSON Schema, and errors with file, line and column.
+//!
+//! [`load`] is the way in. Whether the files that a scene names exist is not looked at here: the rooms that read them say so.
 
+mod check;
+mod document;
+mod errors;
+mod load;
+mod overrides;
+mod rules;
+mod shape;
 mod types;
 
+pub use errors::{Place, SceneError, SceneErrors};
+pub use load::{LoadedScene, MOST_BYTES, load};
+pub use overrides::Override;
+pub use shape::{names_of, schema};
 pub use types::*;

@@ -2,6 +2,7 @@
 //!
 //! These types are the only list of keys: the reader, the JSON Schema and the nearest-key hints are made from them.
 //! Angles are degrees and lengths metres, as a person would write them.
+//! Every number has a range, wide enough for any scene and narrow enough that no product of a few overflows single precision.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -114,16 +115,16 @@ pub struct Surface {
     /// `univariate`, `newton` or `reference`.
     pub solver: SolverKind,
     /// Metres along the ray within which a hit is found; by default from the pixel's footprint.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = 1000000.0))]
     pub tolerance: Option<f64>,
     /// The same in pixels, used where `tolerance` is not set.
     #[schemars(range(min = 0.000001, max = 100.0))]
     pub accuracy: f64,
     /// A column with less water than this (m) is dry.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = 1000000.0))]
     pub dry_threshold: f64,
     /// How far under the base a dry column's control point lies (m); by default 0.05 of the smaller column width.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = 1000000.0))]
     pub dry_depth: Option<f64>,
     /// Samples per column and axis of the tessellated representation.
     #[schemars(range(min = 1, max = 64))]
@@ -190,7 +191,7 @@ pub struct Water {
     #[schemars(range(min = 1.0, max = 4.0))]
     pub ior: f64,
     /// Absorption per metre: red, green, blue.
-    #[schemars(inner(range(min = 0.0)))]
+    #[schemars(inner(range(min = 0.0, max = 1000000.0)))]
     pub absorption: [f64; 3],
     /// `exact` or `schlick`.
     pub fresnel: Fresnel,
@@ -252,7 +253,7 @@ pub struct Particles {
     /// `spheres`, `billboards` or `none`.
     pub representation: ParticleRepresentation,
     /// Factor on every radius.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = 1000000.0))]
     pub scale: f64,
     /// Albedo of slow or old spray.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
@@ -261,13 +262,13 @@ pub struct Particles {
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub fast_albedo: [f64; 3],
     /// Speed (m/s) at which spray counts as fast.
-    #[schemars(range(min = 0.001))]
+    #[schemars(range(min = 0.001, max = 1000000.0))]
     pub fast_speed: f64,
     /// Opacity of young spray.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub opacity: f64,
     /// Age (s) by which opacity has fallen to 1/e.
-    #[schemars(range(min = 0.001))]
+    #[schemars(range(min = 0.001, max = 1000000000.0))]
     pub fade_age: f64,
 }
 impl Default for Particles {
@@ -305,7 +306,7 @@ pub struct Terrain {
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub albedo: [f64; 3],
     /// Metres over which the natural ground's pattern repeats its coarsest detail; by default 20 column widths.
-    #[schemars(range(min = 0.001))]
+    #[schemars(range(min = 0.001, max = 1000000000.0))]
     pub detail: Option<f64>,
     /// Whether the bed is there at all.
     pub visible: bool,
@@ -321,10 +322,13 @@ impl Default for Terrain {
 #[serde(deny_unknown_fields)]
 pub struct CameraKey {
     /// Frame number at which the camera is here.
+    #[schemars(range(min = -1000000000.0, max = 1000000000.0))]
     pub frame: f64,
     /// Eye (m).
+    #[schemars(inner(range(min = -1000000000000.0, max = 1000000000000.0)))]
     pub eye: [f64; 3],
     /// Point looked at (m).
+    #[schemars(inner(range(min = -1000000000000.0, max = 1000000000000.0)))]
     pub look_at: [f64; 3],
     /// Vertical field of view (degrees); by default the camera's.
     #[serde(default)]
@@ -337,19 +341,22 @@ pub struct CameraKey {
 #[serde(default, deny_unknown_fields)]
 pub struct Camera {
     /// Eye (m); by default framed on the water.
+    #[schemars(inner(range(min = -1000000000000.0, max = 1000000000000.0)))]
     pub eye: Option<[f64; 3]>,
     /// Point looked at (m); by default framed on the water.
+    #[schemars(inner(range(min = -1000000000000.0, max = 1000000000000.0)))]
     pub look_at: Option<[f64; 3]>,
     /// Up.
+    #[schemars(inner(range(min = -1000000000000.0, max = 1000000000000.0)))]
     pub up: [f64; 3],
     /// Vertical field of view (degrees).
     #[schemars(range(min = 0.01, max = 179.0))]
     pub fov: f64,
     /// f-number of the thin lens (24 mm film back, height); 0 is a pinhole.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = 1000000.0))]
     pub f_number: f64,
     /// Distance in focus (m); by default the distance to `look_at`.
-    #[schemars(range(min = 0.000001))]
+    #[schemars(range(min = 0.000001, max = 1000000000000.0))]
     pub focus: Option<f64>,
     /// Exposure time in fractions of a frame (recorded; used by motion blur).
     #[schemars(range(min = 0.0, max = 1.0))]
@@ -396,10 +403,10 @@ pub struct Sky {
     /// Whether the camera sees it; if not, A is 0 there. It lights the scene either way.
     pub visible: bool,
     /// Radiance of the constant sky.
-    #[schemars(inner(range(min = 0.0)))]
+    #[schemars(inner(range(min = 0.0, max = 1000000000.0)))]
     pub radiance: [f64; 3],
     /// Factor on whatever the sky is.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = 1000000.0))]
     pub scale: f64,
     /// Haze of the analytic sky (Preetham's turbidity).
     #[schemars(range(min = 1.7, max = 10.0))]
@@ -414,6 +421,7 @@ pub struct Sky {
     /// The skybox's lower texture, relative to the scene file.
     pub below: Option<String>,
     /// Turn of the image about the vertical (degrees, eastward).
+    #[schemars(range(min = -1000000.0, max = 1000000.0))]
     pub rotation: f64,
 }
 impl Default for Sky {
@@ -441,12 +449,13 @@ pub struct Sun {
     #[schemars(range(min = -90.0, max = 90.0))]
     pub elevation: f64,
     /// Degrees from north, eastward.
+    #[schemars(range(min = -1000000.0, max = 1000000.0))]
     pub azimuth: f64,
     /// Irradiance on a card that faces it.
-    #[schemars(range(min = 0.0))]
+    #[schemars(range(min = 0.0, max = 1000000000.0))]
     pub irradiance: f64,
     /// Colour (scaled to a luminance of 1); by default from the sun's elevation.
-    #[schemars(inner(range(min = 0.0)))]
+    #[schemars(inner(range(min = 0.0, max = 1000000000.0)))]
     pub color: Option<[f64; 3]>,
 }
 impl Default for Sun {
@@ -460,9 +469,10 @@ impl Default for Sun {
 #[serde(deny_unknown_fields)]
 pub struct Light {
     /// Position (m).
+    #[schemars(inner(range(min = -1000000000000.0, max = 1000000000000.0)))]
     pub position: [f64; 3],
     /// Radiant intensity (power per steradian): red, green, blue.
-    #[schemars(inner(range(min = 0.0)))]
+    #[schemars(inner(range(min = 0.0, max = 1000000000000.0)))]
     pub intensity: [f64; 3],
 }
 
@@ -598,6 +608,7 @@ pub struct Output {
     /// `filmic` or `srgb`, for PNG, JPEG and BMP.
     pub view: View,
     /// Stops of exposure for PNG, JPEG and BMP.
+    #[schemars(range(min = -100.0, max = 100.0))]
     pub exposure: f64,
     /// Recorded in the file.
     pub owner: Option<String>,

@@ -1,5 +1,6 @@
 //! The water and the bed as height functions: uniform B-splines over the columns.
 
+pub mod audit;
 mod lanes;
 mod lattice;
 mod pyramid;
@@ -7,12 +8,16 @@ pub mod referee;
 mod sides;
 mod solve;
 mod spline;
+pub mod tessellate;
 mod walk;
 
 pub use lanes::{LANES, LaneHits, LaneRays, LaneSurface, SurfacePoint};
 pub use lattice::{Lattice, LatticeError, basis};
 pub use sides::Sides;
 pub use spline::SplineSurface;
+
+/// Whoever builds a surface names its instruction set.
+pub use crate::simd::SimdLevel;
 
 /// Work and doubt of the solvers, summed over a batch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]

@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
+use super::audit::Audit;
 use super::*;
 use crate::scene::SolverKind;
 use crate::simd::SimdLevel;
@@ -34,20 +35,9 @@ fn waves(order: u32, n: usize, dry: bool, seed: u64) -> Lattice {
     Lattice::new(order, [n, n], [0.5, 0.5], [1.0, 1.0], &heights, |k| present[k]).unwrap()
 }
 
-struct Tally {
-    rays: usize,
-    hits: usize,
-    lost: usize,
-    false_hits: usize,
-    wrong: usize,
-    tangent: usize,
-    gave_up: u64,
-}
-
-/// Traces rays (rounded to single precision) and compares with the referee as DESIGN section 3 defines the errors.
-fn compare(surface: &SplineSurface, rays: &[(Vec3, Vec3)]) -> Tally {
-    let lattice = surface.lattice();
-    let mut tally = Tally { rays: rays.len(), hits: 0, lost: 0, false_hits: 0, wrong: 0, tangent: 0, gave_up: 0 };
+/// Traces rays (rounded to single precision) and holds them against the referee; with it, rays given up on.
+fn compare(surface: &SplineSurface, rays: &[(Vec3, Vec3)]) -> (Audit, u64) {
+    let mut audit = Audit::default();
     let mut counts = SolveCounts::default();
     for packet in rays.chunks(LANES) {
         let mut lanes = LaneRays::EMPTY;
@@ -63,45 +53,13 @@ fn compare(surface: &SplineSurface, rays: &[(Vec3, Vec3)]) -> Tally {
         let mut hits = LaneHits::EMPTY;
         surface.closest(&lanes, &mut hits, &mut counts);
         let any = surface.occluded(&lanes, &mut counts);
+        assert_eq!(any, hits.hit, "any-hit and first-hit must agree");
         for (lane, (origin, direction)) in packet.iter().enumerate() {
-            let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
-            let exact = referee::first_hit(lattice, origin, direction, [0.0, f64::INFINITY]);
             let ours = (hits.hit >> lane & 1 == 1).then(|| f64::from(hits.t[lane]));
-            let tangent = |from: f64, to: f64| {
-                let (from, to) = (from.min(to), from.max(to));
-                let slack = 1e-3 / direction.length();
-                referee::stays_within(lattice, origin, direction, [(from - slack).max(0.0), to + slack], 1e-4)
-            };
-            let grazes = |t: f64| {
-                let slack = 0.05 / direction.length();
-                referee::closest_approach(lattice, origin, direction, [(t - slack).max(0.0), t + slack]) < 1e-5
-            };
-            assert_eq!(any >> lane & 1 == 1, ours.is_some(), "any-hit and first-hit must agree");
-            match (exact, ours) {
-                (None, None) => {}
-                (Some(exact), None) if exact.touch || tangent(exact.t, exact.t) => tally.tangent += 1,
-                (Some(_), None) => tally.lost += 1,
-                (None, Some(t)) if grazes(t) => tally.tangent += 1,
-                (None, Some(_)) => tally.false_hits += 1,
-                (Some(exact), Some(t)) => {
-                    tally.hits += 1;
-                    let (cell, uv) = (exact.patch as usize, exact.uv);
-                    let (_, slope) = lattice.evaluate(cell % lattice.cells[0], cell / lattice.cells[0], uv[0], uv[1]);
-                    let normal = DVec3::new(-slope[0], 1.0, -slope[1]).normalize();
-                    let cosine = normal.dot(direction.normalize()).abs().max(0.02);
-                    if (t - exact.t).abs() * direction.length() > 1e-4 / cosine {
-                        if tangent(exact.t, t) || grazes(t.min(exact.t)) {
-                            tally.tangent += 1;
-                        } else {
-                            tally.wrong += 1;
-                        }
-                    }
-                }
-            }
+            audit.check(surface.lattice(), origin.as_dvec3(), direction.as_dvec3(), [0.0, f64::INFINITY], ours);
         }
     }
-    tally.gave_up = counts.gave_up;
-    tally
+    (audit, counts.gave_up)
 }
 
 /// Rays of every kind over an n x n surface.
@@ -156,12 +114,12 @@ fn no_ray_is_lost_false_or_wrong() {
                 .chain([(SolverKind::Newton, SimdLevel::Portable), (SolverKind::Reference, SimdLevel::Portable)])
             {
                 let surface = SplineSurface::new(lattice.clone(), solver, level);
-                let tally = compare(&surface, &rays);
+                let (audit, gave_up) = compare(&surface, &rays);
                 let what = format!("{} {} order {order} dry {dry}", solver.name(), level.name());
-                assert!(tally.hits > tally.rays / 4, "{what}: {} hits", tally.hits);
-                assert_eq!((tally.lost, tally.false_hits, tally.wrong), (0, 0, 0), "{what}");
-                assert!(tally.tangent <= tally.rays / 200, "{what}: {} tangent", tally.tangent);
-                assert!(tally.gave_up <= tally.rays as u64 / 1000, "{what}: {} gave up", tally.gave_up);
+                assert!(audit.hits > audit.rays / 4, "{what}: {} hits", audit.hits);
+                assert_eq!((audit.lost, audit.false_hits, audit.wrong), (0, 0, 0), "{what}");
+                assert!(audit.tangent <= audit.rays / 200, "{what}: {} tangent", audit.tangent);
+                assert!(gave_up <= audit.rays / 1000, "{what}: {gave_up} gave up");
             }
         }
     }

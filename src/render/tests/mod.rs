@@ -16,13 +16,6 @@ use crate::{
     scene::{AccelKind, Scene, SkyKind},
 };
 
-/// Nobody watches.
-pub(super) struct Unwatched;
-
-impl Observer for Unwatched {
-    fn tiles(&self, _done: u64, _total: u64, _rays: u64) {}
-}
-
 /// One albedo, one particle look, level water over a level bed.
 pub(super) struct Flat {
     pub(super) water: Option<f32>,
@@ -124,7 +117,7 @@ impl Setup {
     }
 
     pub(super) fn render(&self) -> (Picture, RenderStats) {
-        self.render_until(&AtomicBool::new(false), &Unwatched)
+        self.render_until(&AtomicBool::new(false), &())
     }
 
     pub(super) fn render_until(&self, stop: &AtomicBool, observer: &dyn Observer) -> (Picture, RenderStats) {

@@ -1,0 +1,33 @@
+.PHONY: build full render test bindings embree packages help
+
+FULL = --release --locked --features oiio
+
+help:
+	@echo 'make build    fetch Embree if none is found; build target/release/whitewater'
+	@echo 'make full     the same with OpenImageIO (installs Debian packages when it may)'
+	@echo 'make render   build, then render scenes/valley to out/valley.exr and out/valley.png'
+	@echo 'make test     full, then every test'
+	@echo 'make bindings EMBREE_INCLUDE=DIR   make ffi/embree/bindings.rs anew from DIR/embree4/*.h and check it'
+
+embree:
+	@scripts/fetch-embree.sh
+
+packages:
+	@scripts/install-packages.sh
+
+build: embree
+	cargo build --release --locked
+
+full: embree packages
+	cargo build $(FULL)
+
+render: build
+	@mkdir -p out
+	target/release/whitewater render scenes/valley/scene.toml -o out/valley.exr -o out/valley.png
+	@echo "wrote $(CURDIR)/out/valley.exr and $(CURDIR)/out/valley.png"
+
+test: full
+	cargo test $(FULL) --no-fail-fast
+
+bindings:
+	EMBREE_WRITE=1 cargo test --features regen --lib embree::tests

@@ -1,0 +1,375 @@
+//! What may be typed: the subcommands and their options. What the words mean is in `values`; what a scene's key may hold
+//! is known to the scene room alone, so that options which set one become overrides here.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use clap::builder::PossibleValuesParser;
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use super::values::{Accuracy, Crop, FrameSelection, GridSize};
+use crate::scene::{Override, Surface, names_of};
+
+/// The program's command line.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "whitewater", version, about = "Renders turbulent water over natural terrain", max_term_width = 110)]
+#[command(after_help = "\
+Examples:
+  whitewater render scenes/small/scene.toml -o out.exr
+  whitewater inspect scenes/small/time000.state
+  whitewater COMMAND --help
+
+Exit codes: 0 done, 1 finished but frames were lost, 2 could not run, 130 Ctrl-C, 143 SIGTERM.")]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The subcommands.
+#[derive(Clone, Debug, Subcommand)]
+pub enum Command {
+    /// Render frames of a scene to EXR, PNG, JPEG or BMP
+    Render(RenderArgs),
+    /// Show what simulation files hold
+    Inspect(InspectArgs),
+    /// Convert a frame between text and NPZ
+    Convert(ConvertArgs),
+    /// Answer single rays from a file
+    Trace(TraceArgs),
+    /// Print the JSON Schema of scene files
+    #[command(after_help = "Example:\n  whitewater schema > scene.schema.json")]
+    Schema,
+    /// Measure speed and correctness on this machine
+    Bench(BenchArgs),
+}
+
+/// Instruction sets by name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum SimdChoice {
+    /// The widest that the processor has
+    #[default]
+    Auto,
+    /// 16 lanes in AVX-512
+    Avx512,
+    /// 8 lanes in AVX2
+    Avx2,
+    /// No vector instructions beyond the target's own
+    Portable,
+}
+
+/// What a scene is made of: its file and everything laid over it.
+#[derive(Clone, Debug, Args)]
+pub struct SceneArgs {
+    /// The scene file (TOML)
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// Override a key of the scene; VALUE is TOML or a bare string (repeatable)
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<Override>,
+}
+
+/// `whitewater render`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+Examples:
+  whitewater render scene.toml -o out.exr --set render.width=500 --set render.height=500
+  whitewater render scene.toml -o 'frames/out.####.exr' --frames 1-48x2
+  whitewater render scene.toml -o out.png --crop 0,0,640,360 --accuracy 0.05px
+  whitewater render scene.toml --set 'water.absorption=[0,0,0]' --stats stats.json
+
+An option that stands for a key of the scene (--accel, --solver, --accuracy, --compression) wins over --set.")]
+pub struct RenderArgs {
+    /// The scene and its overrides.
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The picture: .exr .png .jpg .bmp; #### is the frame number [default: named after the scene, in this folder]
+    #[arg(short, long, value_name = "OUT")]
+    pub output: Option<PathBuf>,
+    /// Render one frame [default: all]
+    #[arg(long, value_name = "N", conflicts_with = "frames", value_parser = clap::value_parser!(i64).range(0..))]
+    pub frame: Option<i64>,
+    /// Render some frames: 1-48, 1-48x2 (every second), lists with commas
+    #[arg(long, value_name = "LIST")]
+    pub frames: Option<FrameSelection>,
+    /// Threads [default: all processors]
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub threads: Option<NonZeroUsize>,
+    /// Render a part: pixels from the upper left, X1 and Y1 exclusive
+    #[arg(long, value_name = "X0,Y0,X1,Y1")]
+    pub crop: Option<Crop>,
+    /// Write seconds, rays, solver work and memory as JSON
+    #[arg(long, value_name = "FILE")]
+    pub stats: Option<PathBuf>,
+    /// Leave dates and times out, for identical bytes
+    #[arg(long)]
+    pub reproducible: bool,
+    /// Instruction set
+    #[arg(long, value_enum, default_value_t, value_name = "NAME")]
+    pub simd: SimdChoice,
+    /// Accelerator of water and objects (accel.water and accel.objects)
+    #[arg(long, value_name = "NAME", value_parser = accelerators())]
+    pub accel: Option<String>,
+    /// Ray/patch solver (surface.solver)
+    #[arg(long, value_name = "NAME", value_parser = names("surface.solver"))]
+    pub solver: Option<String>,
+    /// How near a hit must be: 0.05px (surface.accuracy) or 1e-4m (surface.tolerance)
+    #[arg(long, value_name = "NUMBER")]
+    pub accuracy: Option<Accuracy>,
+    /// Layers of the EXR: beauty,z,n,... [default: all]
+    #[arg(long, value_name = "A,B,C", value_delimiter = ',')]
+    pub layers: Option<Vec<String>>,
+    /// Compression of the EXR (output.compression)
+    #[arg(long, value_name = "NAME", value_parser = names("output.compression"))]
+    pub compression: Option<String>,
+    /// Show errors only
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// Say what is being done
+    #[arg(short, long)]
+    pub verbose: bool,
+}
+
+impl RenderArgs {
+    /// Everything that is laid over the scene file, in order: `--set`, then the options that stand for keys.
+    pub fn overrides(&self) -> Vec<Override> {
+        let mut overrides = self.scene.set.clone();
+        let mut option = |option: &str, keys: &[&str], value: &Option<String>| {
+            let Some(value) = value else { return };
+            overrides.extend(keys.iter().map(|key| Override::by_option(option, *key, value)));
+        };
+        option("--accel", &["accel.water", "accel.objects"], &self.accel);
+        option("--solver", &["surface.solver"], &self.solver);
+        option("--compression", &["output.compression"], &self.compression);
+        overrides.extend(self.accuracy.iter().flat_map(Accuracy::overrides));
+        overrides
+    }
+
+    /// The frames that were asked for; `None` means all there are.
+    pub fn selection(&self) -> Option<FrameSelection> {
+        self.frame.map(FrameSelection::one).or_else(|| self.frames.clone())
+    }
+}
+
+/// `whitewater trace`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+Example:
+  whitewater trace scene.toml --rays rays.npz --only water,terrain -o hits.npz
+
+IN:  origin (n,3), direction (n,3), f4 or f8; optional tmax (n), inclusive.
+OUT: t (n, f8, +inf for a miss), normal (n,3, f4), object (n, i4, -1 for a miss), objects (names), gave_up (n, bool).")]
+pub struct TraceArgs {
+    /// The scene and its overrides.
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The rays (NPZ)
+    #[arg(long, value_name = "IN.npz")]
+    pub rays: PathBuf,
+    /// The answers (NPZ)
+    #[arg(short, long, value_name = "OUT.npz")]
+    pub output: PathBuf,
+    /// Trace against some objects: water, water_sides, terrain, spray, panel_0, ... [default: all]
+    #[arg(long, value_name = "A,B,C", value_delimiter = ',')]
+    pub only: Option<Vec<String>>,
+    /// The frame [default: the first]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(i64).range(0..))]
+    pub frame: Option<i64>,
+    /// Threads [default: all processors]
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub threads: Option<NonZeroUsize>,
+    /// Instruction set
+    #[arg(long, value_enum, default_value_t, value_name = "NAME")]
+    pub simd: SimdChoice,
+}
+
+/// `whitewater inspect`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+Examples:
+  whitewater inspect time000.state model.state
+  whitewater inspect --json time*.npz | jq '.[].frame'")]
+pub struct InspectArgs {
+    /// Frames (text or NPZ) and models
+    #[arg(value_name = "FILE", required = true)]
+    pub files: Vec<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    /// A column with less water than this is dry (m)
+    #[arg(long, value_name = "M", default_value_t = Surface::default().dry_threshold, value_parser = metres)]
+    pub dry_threshold: f64,
+}
+
+/// `whitewater convert`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+Examples:
+  whitewater convert time000.state time000.npz
+  whitewater convert time000.npz time000.state --text")]
+pub struct ConvertArgs {
+    /// The frame to read
+    #[arg(value_name = "IN")]
+    pub input: PathBuf,
+    /// The file to write
+    #[arg(value_name = "OUT")]
+    pub output: PathBuf,
+    /// Write text [default: by OUT's ending]
+    #[arg(long, conflicts_with = "npz")]
+    pub text: bool,
+    /// Write NPZ
+    #[arg(long)]
+    pub npz: bool,
+    /// Refuse a top that is further than this under its base (m)
+    #[arg(long, value_name = "M", default_value_t = Surface::default().dry_threshold, value_parser = metres)]
+    pub dry_threshold: f64,
+}
+
+/// What is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Benchmark {
+    /// Rays per second, memory and errors of every way to draw the water
+    Surface,
+    /// Rays aimed at borders, corners and flat water: none may pass
+    Leaks,
+}
+
+/// `whitewater bench`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+Examples:
+  whitewater bench surface --quick
+  whitewater bench surface --columns 80x20 --columns 400x400 --threads 1 --csv surface.csv
+  whitewater bench leaks --simd portable")]
+pub struct BenchArgs {
+    /// What to measure
+    #[arg(value_enum, value_name = "WHAT")]
+    pub what: Benchmark,
+    /// Fewer rays and rounds: a minute instead of many
+    #[arg(long)]
+    pub quick: bool,
+    /// Write the rows as CSV
+    #[arg(long, value_name = "FILE")]
+    pub csv: Option<PathBuf>,
+    /// Write the rows as JSON
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Instruction set
+    #[arg(long, value_enum, default_value_t, value_name = "NAME")]
+    pub simd: SimdChoice,
+    /// Threads [default: 1]
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub threads: Option<NonZeroUsize>,
+    /// Size of the water (repeatable) [default: 400x400]
+    #[arg(long, value_name = "NXxNZ")]
+    pub columns: Vec<GridSize>,
+}
+
+/// The names that a key of the scene takes, from its type.
+fn names(key: &str) -> PossibleValuesParser {
+    PossibleValuesParser::new(names_of(key).iter().map(String::as_str))
+}
+
+/// The names that both axes take.
+fn accelerators() -> PossibleValuesParser {
+    let objects = names_of("accel.objects");
+    PossibleValuesParser::new(names_of("accel.water").iter().filter(|name| objects.contains(name)).map(String::as_str))
+}
+
+fn threads(text: &str) -> Result<NonZeroUsize, String> {
+    // More threads than any machine has are a slip of the hand, and each costs a stack.
+    let threads = text.parse().ok().filter(|threads: &NonZeroUsize| threads.get() <= 4096);
+    threads.ok_or_else(|| "expected a whole number from 1 to 4096".to_owned())
+}
+
+fn metres(text: &str) -> Result<f64, String> {
+    let metres = text.parse().ok().filter(|metres: &f64| metres.is_finite() && *metres >= 0.0);
+    metres.ok_or_else(|| "expected metres, at least 0".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use clap::CommandFactory;
+
+    use super::*;
+    use crate::scene;
+
+    fn render(arguments: &[&str]) -> Result<RenderArgs, String> {
+        let arguments = ["whitewater", "render", "scene.toml"].iter().chain(arguments);
+        match Cli::try_parse_from(arguments).map_err(|error| error.to_string())?.command {
+            Command::Render(arguments) => Ok(arguments),
+            other => Err(format!("{other:?}")),
+        }
+    }
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn options_that_stand_for_keys_become_overrides_and_win() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("scene.toml");
+        std::fs::write(&path, "[frames]\nfiles = 'time###.state'\n[surface]\ntolerance = 0.5\n").expect("written");
+        let load = |arguments: &[&str]| {
+            let overrides = render(arguments).expect("arguments").overrides();
+            scene::load(Path::new(&path), &overrides).map_err(|errors| errors.to_string())
+        };
+        let plain = load(&[]).expect("a scene");
+        let both = load(&[
+            "--accel",
+            "brute",
+            "--solver",
+            "newton",
+            "--compression",
+            "piz",
+            "--set",
+            "surface.solver=reference",
+        ]);
+        let both = both.expect("a scene");
+        assert_eq!(
+            (both.scene.accel.water, both.scene.accel.objects),
+            (scene::AccelKind::Brute, scene::AccelKind::Brute)
+        );
+        assert_eq!(both.scene.surface.solver, scene::SolverKind::Newton);
+        assert_eq!(both.scene.output.compression, scene::Compression::Piz);
+        assert_ne!(both.hash, plain.hash);
+        let pixels = load(&["--accuracy", "0.05px"]).expect("a scene").scene.surface;
+        assert_eq!((pixels.accuracy, pixels.tolerance), (0.05, None));
+        let metres = load(&["--accuracy", "1e-4m"]).expect("a scene").scene.surface;
+        assert_eq!(metres.tolerance, Some(1e-4));
+        let error = load(&["--accuracy", "1000px"]).expect_err("out of range");
+        assert!(error.starts_with("--accuracy: `surface.accuracy` = 1000.0 is out of range"), "{error}");
+    }
+
+    #[test]
+    fn one_frame_some_frames_or_all() {
+        let numbers =
+            |arguments: &[&str]| render(arguments).expect("arguments").selection().map(|s| s.numbers().to_vec());
+        assert_eq!(numbers(&[]), None);
+        assert_eq!(numbers(&["--frame", "7"]), Some(vec![7]));
+        assert_eq!(numbers(&["--frames", "1-3,9"]), Some(vec![1, 2, 3, 9]));
+        assert!(render(&["--frame", "1", "--frames", "2"]).is_err());
+    }
+
+    #[test]
+    fn wrong_words_are_refused_with_what_was_expected() {
+        for (arguments, expected) in [
+            (&["--frames", "5-1"][..], "1-5 instead of 5-1"),
+            (&["--crop", "1,2,3"], "X0,Y0,X1,Y1"),
+            (&["--threads", "0"], "from 1 to 4096"),
+            (&["--solver", "newtn"], "'newton'"),
+            (&["--accel", "bvh"], "[possible values: embree, brute]"),
+            (&["--accuracy", "3"], "0.05px or 1e-4m"),
+            (&["--set", "render.width"], "expected KEY=VALUE"),
+            (&["--simd", "sse"], "portable"),
+            (&["--quiet", "--verbose"], "cannot be used with"),
+        ] {
+            let message = render(arguments).expect_err("refused");
+            assert!(message.contains(expected), "{arguments:?}: {message}");
+        }
+    }
+}

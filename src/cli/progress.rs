@@ -1,0 +1,302 @@
+//! How a render's progress looks: a bar on a terminal, plain lines without one, nothing if quiet.
+//!
+//! Rates and remaining times are of the current frame. Clock times are local.
+
+use std::io::{self, IsTerminal, Write};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use time::OffsetDateTime;
+use time::macros::format_description;
+
+use crate::render::observer::Observer;
+
+/// Without a terminal, a line is written at each tenth, and after this long without one.
+const LONGEST_SILENCE: Duration = Duration::from_secs(10);
+
+/// The bar on screen, if there is one: what else is written to standard error must not cut through it.
+static BAR: Mutex<Option<ProgressBar>> = Mutex::new(None);
+
+/// Shows how far a render is. Told from any thread.
+pub struct Progress {
+    look: Look,
+    frames: usize,
+    frame: Mutex<Option<Frame>>,
+}
+
+enum Look {
+    Quiet,
+    Bar(ProgressBar),
+    Lines(Mutex<Box<dyn Write + Send>>),
+}
+
+/// The frame that is being rendered.
+struct Frame {
+    title: String,
+    size: (u32, u32),
+    began: Instant,
+    began_at: OffsetDateTime,
+    done: u64,
+    total: u64,
+    rays: u64,
+    tenth: u64,
+    spoke: Instant,
+}
+
+impl Progress {
+    /// For `frames` frames, on standard error: a bar if it is a terminal, lines if not.
+    pub fn new(quiet: bool, frames: usize) -> Self {
+        let look = if quiet {
+            Look::Quiet
+        } else if io::stderr().is_terminal() {
+            Look::Bar(bar())
+        } else {
+            Look::Lines(Mutex::new(Box::new(io::stderr())))
+        };
+        Self { look, frames, frame: Mutex::new(None) }
+    }
+
+    /// Lines to anywhere.
+    pub fn lines(frames: usize, out: impl Write + Send + 'static) -> Self {
+        Self { look: Look::Lines(Mutex::new(Box::new(out))), frames, frame: Mutex::new(None) }
+    }
+
+    /// Frame `number`, the `index`th (from 1) of all, begins.
+    pub fn start(&self, index: usize, number: i64, width: u32, height: u32) {
+        let title = format!("frame {number} ({index} of {})", self.frames);
+        let (began, began_at) = (Instant::now(), local_now());
+        if let Look::Bar(bar) = &self.look {
+            bar.reset();
+            // The first tile tells how many there are; a bar of none would stand at 100 %.
+            bar.set_length(1);
+            bar.set_prefix(title.clone());
+            bar.set_message("preparing");
+        }
+        self.say(&format!("{title}: {width}x{height}, started {}", clock(began_at)));
+        if let Look::Bar(bar) = &self.look {
+            bar.enable_steady_tick(Duration::from_millis(250));
+            *lock(&BAR) = Some(bar.clone());
+        }
+        let size = (width, height);
+        *lock(&self.frame) =
+            Some(Frame { title, size, began, began_at, done: 0, total: 0, rays: 0, tenth: 0, spoke: began });
+    }
+
+    /// The frame has ended; `result` says how, as `wrote out.exr`.
+    pub fn finish(&self, result: &str) {
+        let Some(frame) = lock(&self.frame).take() else { return };
+        if let Look::Bar(bar) = &self.look {
+            bar.disable_steady_tick();
+            bar.finish_and_clear();
+            *lock(&BAR) = None;
+        }
+        let seconds = frame.began.elapsed().as_secs_f64();
+        self.say(&format!(
+            "{}: {}x{}, started {}, ended {}, took {}, {:.2} Mrays, {}; {result}",
+            frame.title,
+            frame.size.0,
+            frame.size.1,
+            clock(frame.began_at),
+            clock(local_now()),
+            duration(seconds),
+            frame.rays as f64 * 1e-6,
+            rate(frame.rays, seconds),
+        ));
+    }
+
+    /// A line of its own, above the bar.
+    pub fn say(&self, line: &str) {
+        match &self.look {
+            Look::Quiet => {}
+            Look::Bar(bar) => bar.suspend(|| write_line(&mut io::stderr(), line)),
+            Look::Lines(out) => write_line(&mut **lock(out), line),
+        }
+    }
+}
+
+impl Observer for Progress {
+    fn tiles(&self, done: u64, total: u64, rays: u64) {
+        if matches!(self.look, Look::Quiet) {
+            return;
+        }
+        let mut current = lock(&self.frame);
+        let Some(frame) = current.as_mut() else { return };
+        // Threads race: what is shown only grows.
+        frame.done = frame.done.max(done);
+        frame.rays = frame.rays.max(rays);
+        frame.total = total.max(1);
+        let seconds = frame.began.elapsed().as_secs_f64();
+        let left = seconds * frame.total.saturating_sub(frame.done) as f64 / frame.done.max(1) as f64;
+        let rate = rate(frame.rays, seconds);
+        match &self.look {
+            Look::Quiet => {}
+            Look::Bar(bar) => {
+                bar.set_length(frame.total);
+                bar.set_position(frame.done);
+                bar.set_message(format!("{} left, {rate}", duration(left)));
+            }
+            Look::Lines(out) => {
+                let tenth = frame.done * 10 / frame.total;
+                if tenth > frame.tenth || frame.spoke.elapsed() >= LONGEST_SILENCE {
+                    frame.tenth = tenth;
+                    frame.spoke = Instant::now();
+                    let percent = frame.done * 100 / frame.total;
+                    let (done, total, left) = (frame.done, frame.total, duration(left));
+                    let line = format!("{}: {percent} %, {done}/{total} tiles, {left} left, {rate}", frame.title);
+                    write_line(&mut **lock(out), &line);
+                }
+            }
+        }
+    }
+}
+
+impl Drop for Progress {
+    /// A render that ends by an error leaves no bar behind it.
+    fn drop(&mut self) {
+        if let Look::Bar(bar) = &self.look {
+            bar.finish_and_clear();
+            *lock(&BAR) = None;
+        }
+    }
+}
+
+/// Now, by the local clock where the system tells its offset, else by UTC.
+pub fn local_now() -> OffsetDateTime {
+    OffsetDateTime::now_local().unwrap_or_else(|_| OffsetDateTime::now_utc())
+}
+
+/// Standard error for the log: each message above the bar.
+pub(super) fn log_writer() -> impl Write {
+    struct Log;
+    impl Write for Log {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let bar = lock(&BAR).clone();
+            match bar {
+                Some(bar) => bar.suspend(|| io::stderr().write_all(bytes))?,
+                None => io::stderr().write_all(bytes)?,
+            }
+            Ok(bytes.len())
+        }
+        fn flush(&mut self) -> io::Result<()> {
+            io::stderr().flush()
+        }
+    }
+    Log
+}
+
+fn bar() -> ProgressBar {
+    let style = ProgressStyle::with_template("{prefix} [{wide_bar}] {percent:>3} % {pos}/{len} tiles, {msg}")
+        .expect("the template is well formed")
+        .progress_chars("=> ");
+    ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::stderr()).with_style(style)
+}
+
+/// A closed standard error must not end a render.
+fn write_line(out: &mut dyn Write, line: &str) {
+    let _ = out.write_all(format!("{line}\n").as_bytes()).and_then(|()| out.flush());
+}
+
+/// A thread that panicked while it held the lock left nothing half done: counts are plain numbers.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn clock(time: OffsetDateTime) -> String {
+    let format = format_description!("[year]-[month]-[day] [hour]:[minute]:[second]");
+    time.format(&format).unwrap_or_else(|_| "at an unknown time".to_owned())
+}
+
+fn rate(rays: u64, seconds: f64) -> String {
+    // Before the clock has moved there is no rate.
+    format!("{:.2} Mrays/s", if seconds > 0.0 { rays as f64 * 1e-6 / seconds } else { 0.0 })
+}
+
+fn duration(seconds: f64) -> String {
+    let whole = seconds.round() as u64;
+    match whole {
+        0..60 => format!("{seconds:.1} s"),
+        60..3600 => format!("{} min {:02} s", whole / 60, whole % 60),
+        _ => format!("{} h {:02} min", whole / 3600, whole % 3600 / 60),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+
+    #[derive(Clone, Default)]
+    struct Page(Arc<Mutex<Vec<u8>>>);
+    impl Write for Page {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            lock(&self.0).extend_from_slice(bytes);
+            Ok(bytes.len())
+        }
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+    impl Page {
+        fn lines(&self) -> Vec<String> {
+            String::from_utf8_lossy(&lock(&self.0)).lines().map(str::to_owned).collect()
+        }
+    }
+
+    #[test]
+    fn lines_say_start_tenths_and_end() {
+        let page = Page::default();
+        let progress = Progress::lines(3, page.clone());
+        progress.start(2, 17, 640, 360);
+        for done in 1..=40 {
+            progress.tiles(done, 40, done * 1000);
+        }
+        progress.finish("wrote out.exr");
+        let lines = page.lines();
+        assert_eq!(lines.len(), 12, "{lines:#?}");
+        assert!(lines[0].starts_with("frame 17 (2 of 3): 640x360, started 2"), "{}", lines[0]);
+        assert!(lines[1].starts_with("frame 17 (2 of 3): 10 %, 4/40 tiles, "), "{}", lines[1]);
+        assert!(lines[1].contains(" left, ") && lines[1].ends_with(" Mrays/s"), "{}", lines[1]);
+        assert!(lines[10].contains(": 100 %, 40/40 tiles"), "{}", lines[10]);
+        let end = &lines[11];
+        for part in ["640x360, started 2", ", ended 2", ", took 0.", ", 0.04 Mrays, ", "; wrote out.exr"] {
+            assert!(end.contains(part), "{end}");
+        }
+    }
+
+    #[test]
+    fn racing_threads_never_turn_the_count_back() {
+        let page = Page::default();
+        let progress = Progress::lines(1, page.clone());
+        progress.start(1, 0, 1, 1);
+        std::thread::scope(|scope| {
+            for thread in 0..4 {
+                let progress = &progress;
+                scope.spawn(move || (0..250).for_each(|tile| progress.tiles(tile * 4 + thread + 1, 1000, 0)));
+            }
+        });
+        let percents: Vec<u64> = page.lines()[1..]
+            .iter()
+            .map(|line| line.split(&[':', '%'][..]).nth(1).unwrap().trim().parse().unwrap())
+            .collect();
+        assert!(percents.is_sorted() && percents.len() <= 10 && percents.last() == Some(&100), "{percents:?}");
+    }
+
+    #[test]
+    fn tiles_outside_a_frame_are_nobodys() {
+        let page = Page::default();
+        let progress = Progress::lines(1, page.clone());
+        progress.tiles(1, 2, 3);
+        progress.finish("nothing");
+        assert!(page.lines().is_empty());
+    }
+
+    #[test]
+    fn durations_read_as_a_person_says_them() {
+        assert_eq!(duration(0.25), "0.2 s");
+        assert_eq!(duration(59.4), "59.4 s");
+        assert_eq!(duration(59.7), "1 min 00 s");
+        assert_eq!(duration(3725.0), "1 h 02 min");
+    }
+}

@@ -1,0 +1,160 @@
+//! What must hold between keys, each of which is right by itself; and the named sets of values.
+
+use std::collections::HashMap;
+
+use serde_json::{Value, json};
+
+use super::document::Node;
+use super::errors::SceneError;
+use super::{Scene, SkyKind};
+
+/// Schlick's reflectance of water at normal incidence in the report's preset: ((1.333 - 1) / (1.333 + 1))^2, rounded.
+const REPORT_R0: f64 = 0.02;
+
+/// Fills in the keys of `water.preset` that were not given (the report's table 4.1).
+pub(super) fn apply_presets(scene: &mut Value) {
+    if scene["water"]["preset"] != "report" {
+        return;
+    }
+    let Some(water) = scene["water"].as_object_mut() else { return };
+    let values = json!({
+        "diffuse": [0.1, 0.1, 0.3],
+        "specular": [0.7, 0.7, 0.8],
+        "highlight": "phong",
+        "phong_exponent": 1000.0,
+        "absorption": [0.34, 0.05, 0.009],
+        "fresnel": "schlick",
+        "r0": REPORT_R0,
+    });
+    for (key, value) in values.as_object().into_iter().flatten() {
+        water.entry(key).or_insert_with(|| value.clone());
+    }
+}
+
+/// Checks the rules between keys. A rule is silent where one of its keys is wrong already.
+pub(super) fn check(scene: &Scene, root: &Node, known: &[SceneError]) -> Vec<SceneError> {
+    let wrong = known.iter().filter_map(|error| error.key()).map(str::to_owned).collect();
+    let mut rules = Rules { root, wrong, errors: Vec::new() };
+    rules.frames(scene);
+    rules.paths(scene);
+    rules.camera(scene);
+    rules.sky(scene);
+    rules.sun(scene);
+    rules.errors
+}
+
+struct Rules<'a> {
+    root: &'a Node,
+    wrong: Vec<String>,
+    errors: Vec<SceneError>,
+}
+
+impl Rules<'_> {
+    /// True if nothing that a rule reads has been reported.
+    fn sound(&self, keys: &[&str]) -> bool {
+        let under = |long: &str, short: &str| {
+            long.strip_prefix(short).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        };
+        !self.wrong.iter().any(|wrong| keys.iter().any(|key| under(wrong, key) || under(key, wrong)))
+    }
+
+    fn missing(&mut self, key: &str, expected: impl Into<String>) {
+        let place = self.root.place_of(key).clone();
+        self.errors.push(SceneError::Missing { place, key: key.to_owned(), expected: expected.into() });
+    }
+
+    fn inconsistent(&mut self, key: &str, expected: impl Into<String>) {
+        let node = self.root.find(key);
+        let value = node.map_or("(by default)", |node| node.shown.as_str()).to_owned();
+        let place = self.root.place_of(key).clone();
+        self.errors.push(SceneError::Inconsistent { place, key: key.to_owned(), value, expected: expected.into() });
+    }
+
+    fn frames(&mut self, scene: &Scene) {
+        if scene.frames.files.is_empty() && self.sound(&["frames.files"]) {
+            self.missing(
+                "frames.files",
+                "the pattern of the frames' names, as in files = \"time###.state\" under [frames]",
+            );
+        }
+    }
+
+    /// A path that is given is not empty.
+    fn paths(&mut self, scene: &Scene) {
+        let sky = &scene.sky;
+        let single = [
+            ("environment.model", &scene.environment.model),
+            ("sky.image", &sky.image),
+            ("sky.above", &sky.above),
+            ("sky.below", &sky.below),
+        ];
+        let single = single.into_iter().filter_map(|(key, path)| Some((key.to_owned(), path.as_deref()?)));
+        let meshes = scene.environment.meshes.iter().enumerate();
+        let meshes = meshes.map(|(index, path)| (format!("environment.meshes.{index}"), path.as_str()));
+        for (key, _) in single.chain(meshes).filter(|(_, path)| path.is_empty()) {
+            self.inconsistent(&key, "the name of a file");
+        }
+    }
+
+    fn camera(&mut self, scene: &Scene) {
+        let camera = &scene.camera;
+        let up_is_zero = camera.up == [0.0; 3];
+        if up_is_zero {
+            self.inconsistent("camera.up", "a direction, not all zero");
+        }
+        let known_up = (!up_is_zero && self.sound(&["camera.up"])).then_some(camera.up);
+        if let (Some(eye), Some(look_at)) = (camera.eye, camera.look_at) {
+            self.view("camera", eye, look_at, known_up);
+        }
+        let mut by_frame = HashMap::new();
+        for (index, key) in camera.key.iter().enumerate() {
+            let path = format!("camera.key.{index}");
+            self.view(&path, key.eye, key.look_at, known_up);
+            // Equal bits are equal frames: the checker leaves no NaN and one zero.
+            let earlier = *by_frame.entry(key.frame.to_bits()).or_insert(index);
+            if earlier < index {
+                let place = self.root.place_of(&format!("camera.key.{earlier}.frame")).clone();
+                let expected = format!("a frame that no other key has; the key at {place} has it");
+                self.inconsistent(&format!("{path}.frame"), expected);
+            }
+        }
+    }
+
+    fn view(&mut self, path: &str, eye: [f64; 3], look_at: [f64; 3], up: Option<[f64; 3]>) {
+        let (eye_key, look_at_key) = (format!("{path}.eye"), format!("{path}.look_at"));
+        let [eye, look_at] = [eye, look_at].map(glam::DVec3::from);
+        if eye == look_at {
+            self.inconsistent(&look_at_key, format!("another point than {eye_key}, to have a direction of view"));
+            return;
+        }
+        let Some(up) = up.map(glam::DVec3::from) else { return };
+        let (view, up) = ((look_at - eye).normalize(), up.normalize());
+        // Nearer to parallel than single precision can tell, the picture's horizon would be noise.
+        if view.cross(up).length() < f64::from(f32::EPSILON) {
+            self.inconsistent(&look_at_key, "a direction of view that is not parallel to camera.up");
+        }
+    }
+
+    fn sky(&mut self, scene: &Scene) {
+        let sky = &scene.sky;
+        let needs: &[(&str, &Option<String>, &str)] = match sky.kind {
+            SkyKind::Latlong => &[("sky.image", &sky.image, "an image (.hdr or .exr), since sky.kind is \"latlong\"")],
+            SkyKind::Skybox => &[
+                ("sky.above", &sky.above, "the texture of the sky, since sky.kind is \"skybox\""),
+                ("sky.below", &sky.below, "the texture of the ground, since sky.kind is \"skybox\""),
+            ],
+            SkyKind::Analytic | SkyKind::Constant => &[],
+        };
+        for (key, path, expected) in needs {
+            if path.is_none() && self.sound(&[key, "sky.kind"]) {
+                self.missing(key, *expected);
+            }
+        }
+    }
+
+    fn sun(&mut self, scene: &Scene) {
+        if scene.sun.color == Some([0.0; 3]) {
+            self.inconsistent("sun.color", "a colour that is not all zero (sun.irradiance = 0 puts the sun out)");
+        }
+    }
+}
