@@ -56,7 +56,8 @@ fi
 
 mkdir -p "$parent"
 work=$(mktemp -d "$parent/fetch.XXXXXX")
-trap 'rm -rf "$work"' EXIT
+# A failed fetch also takes back the folders that it made; rmdir keeps those that hold anything.
+trap 'rm -rf "$work"; rmdir "$parent" "$project/third_party" 2>/dev/null || true' EXIT
 echo "embreex==$version --hash=sha256:$sha256" >"$work/requirements.txt"
 "$python" -m pip download --quiet --disable-pip-version-check --no-deps --require-hashes --only-binary=:all: \
     --python-version 3.11 --implementation cp --abi cp311 --platform manylinux_2_28_x86_64 \

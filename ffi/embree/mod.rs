@@ -14,6 +14,7 @@
     non_upper_case_globals,
     unreachable_pub,
     clippy::undocumented_unsafe_blocks,
+    clippy::upper_case_acronyms,
     reason = "made by bindgen from C headers: the names are Embree's and the whole interface is there"
 )]
 mod bindings;

@@ -45,8 +45,7 @@ fn is_ray(rays: &RayBatch, index: usize) -> bool {
         && direction.is_finite()
         && direction != glam::Vec3::ZERO
         && interval
-        && tolerance >= 0.0
-        && tolerance < f32::INFINITY
+        && (0.0..f32::INFINITY).contains(&tolerance)
 }
 
 /// Rays `start..` as lanes, each ending at `tfar`.

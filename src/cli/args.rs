@@ -7,8 +7,10 @@ use std::path::PathBuf;
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use super::errors::CliError;
 use super::values::{Accuracy, Crop, FrameSelection, GridSize};
 use crate::scene::{Override, Surface, names_of};
+use crate::simd::SimdLevel;
 
 /// The program's command line.
 #[derive(Clone, Debug, Parser)]
@@ -56,6 +58,22 @@ pub enum SimdChoice {
     Avx2,
     /// No vector instructions beyond the target's own
     Portable,
+}
+
+impl SimdChoice {
+    /// The instruction set to run with.
+    ///
+    /// # Errors
+    /// The processor does not have the one asked for.
+    pub fn level(self) -> Result<SimdLevel, CliError> {
+        let level = match self {
+            Self::Auto => SimdLevel::detect(),
+            Self::Avx512 => SimdLevel::Avx512,
+            Self::Avx2 => SimdLevel::Avx2,
+            Self::Portable => SimdLevel::Portable,
+        };
+        if level.is_available() { Ok(level) } else { Err(CliError::NoSimd { name: level.name() }) }
+    }
 }
 
 /// What a scene is made of: its file and everything laid over it.

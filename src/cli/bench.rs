@@ -1,12 +1,35 @@
-//! TEMPORARY: `whitewater bench` has not landed yet. This file is to be replaced whole.
+//! `whitewater bench`: benchmarks by name, rows to files.
 
-use super::args::BenchArgs;
+use std::io::{self, Write};
+
+use super::args::{BenchArgs, Benchmark};
 use super::errors::{CliError, Outcome};
+use crate::bench::{self, BenchError, Settings};
 
 /// Runs the command.
 ///
 /// # Errors
-/// Always, until the command lands.
-pub fn run(_arguments: &BenchArgs) -> Result<Outcome, CliError> {
-    Err(CliError::NotBuilt { command: "bench" })
+/// Embree is missing, a file of rows cannot be written, or a benchmark found what must not be.
+pub fn run(arguments: &BenchArgs) -> Result<Outcome, CliError> {
+    let simd = arguments.simd.level()?;
+    let sizes = arguments.columns.iter().map(|size| [size.nx as usize, size.nz as usize]).collect::<Vec<_>>();
+    let settings = Settings {
+        quick: arguments.quick,
+        simd,
+        threads: arguments.threads.map_or(1, std::num::NonZero::get),
+        sizes: if sizes.is_empty() { vec![[400, 400]] } else { sizes },
+        csv: arguments.csv.clone(),
+        json: arguments.json.clone(),
+    };
+    let mut out = io::stdout().lock();
+    let result = match arguments.what {
+        Benchmark::Surface => bench::surface::run(&settings, &mut out),
+        Benchmark::Leaks => bench::leaks::run(&settings, &mut out),
+    };
+    match result {
+        Err(BenchError::Print(error)) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(Outcome::Done),
+        other => other.map_err(anyhow::Error::from)?,
+    }
+    out.flush().map_err(CliError::Output)?;
+    Ok(Outcome::Done)
 }

@@ -35,11 +35,11 @@ pub enum CliError {
         /// What it holds.
         value: String,
     },
-    /// TEMPORARY, until every command has landed: this one has not.
-    #[error("{command}: this command is not built yet")]
-    NotBuilt {
-        /// The command.
-        command: &'static str,
+    /// An instruction set that is not there.
+    #[error("--simd {name}: this processor does not have it; expected another, or auto")]
+    NoSimd {
+        /// The one asked for.
+        name: &'static str,
     },
     /// What another room could not do.
     #[error(transparent)]

@@ -23,6 +23,8 @@ use tracing_subscriber::EnvFilter;
 use args::{Cli, Command};
 use errors::{CliError, Outcome};
 
+use crate::state::Encoding;
+
 /// Runs the program: arguments (the program's own name first) in, exit code out.
 pub fn run(arguments: impl Iterator<Item = OsString>) -> ExitCode {
     let cli = match Cli::try_parse_from(arguments) {
@@ -51,10 +53,26 @@ fn dispatch(command: &Command) -> Result<Outcome, CliError> {
         Command::Trace(arguments) => trace::run(arguments),
         Command::Schema => schema::run(),
         Command::Bench(arguments) => bench::run(arguments),
-        // TEMPORARY: their files land from elsewhere.
-        Command::Inspect(_) => Err(CliError::NotBuilt { command: "inspect" }),
-        Command::Convert(_) => Err(CliError::NotBuilt { command: "convert" }),
+        Command::Inspect(arguments) => {
+            inspect::run(&arguments.files, arguments.dry_threshold, arguments.json).map_err(anyhow::Error::from)?;
+            Ok(Outcome::Done)
+        }
+        Command::Convert(arguments) => convert_frame(arguments),
     }
+}
+
+fn convert_frame(arguments: &args::ConvertArgs) -> Result<Outcome, CliError> {
+    let encoding = match (arguments.text, arguments.npz) {
+        (true, _) => Some(Encoding::Text),
+        (_, true) => Some(Encoding::Npz),
+        _ => None,
+    };
+    let done = convert::run(&arguments.input, &arguments.output, encoding, arguments.dry_threshold)
+        .map_err(anyhow::Error::from)?;
+    for name in &done.left_out {
+        tracing::warn!("{}: left out the array {name}", arguments.output.display());
+    }
+    Ok(Outcome::Done)
 }
 
 /// Warnings go to standard error; `--verbose` adds what is being done, `--quiet` leaves errors. `WHITEWATER_LOG` is a

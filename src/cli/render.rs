@@ -10,5 +10,5 @@ use crate::scene;
 /// Those of the scene; without any, that the command has not landed.
 pub fn run(arguments: &RenderArgs) -> Result<Outcome, CliError> {
     scene::load(&arguments.scene.scene, &arguments.overrides())?;
-    Err(CliError::NotBuilt { command: "render" })
+    Err(anyhow::anyhow!("render has not landed").into())
 }

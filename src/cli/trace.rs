@@ -10,5 +10,5 @@ use crate::scene;
 /// Those of the scene; without any, that the command has not landed.
 pub fn run(arguments: &TraceArgs) -> Result<Outcome, CliError> {
     scene::load(&arguments.scene.scene, &arguments.scene.set)?;
-    Err(CliError::NotBuilt { command: "trace" })
+    Err(anyhow::anyhow!("trace has not landed").into())
 }
