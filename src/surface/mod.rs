@@ -16,6 +16,9 @@ pub use lattice::{Lattice, LatticeError, basis};
 pub use sides::Sides;
 pub use spline::SplineSurface;
 
+/// Whoever builds a surface names its instruction set.
+pub use crate::simd::SimdLevel;
+
 /// Work and doubt of the solvers, summed over a batch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct SolveCounts {

@@ -1,0 +1,60 @@
+//! What can go wrong before the first ray: a camera or a picture that cannot be.
+
+/// Why a picture cannot be rendered.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RenderError {
+    /// The eye is at the point it looks at.
+    #[error("camera.eye and camera.look_at are the same point {eye:?}: they must differ")]
+    EyeAtTarget {
+        /// The point (m).
+        eye: [f64; 3],
+    },
+    /// Up is along the view, so the picture could turn any way.
+    #[error("camera.up {up:?} is along the direction of view {forward:?}: choose an up across it, such as [0, 0, -1]")]
+    UpAlongView {
+        /// Up as given.
+        up: [f64; 3],
+        /// Unit direction of view.
+        forward: [f64; 3],
+    },
+    /// A number of the camera is not finite or out of range.
+    #[error("camera.{key} is {value}: expected {expected}")]
+    CameraValue {
+        /// Key.
+        key: &'static str,
+        /// Value.
+        value: f64,
+        /// Allowed range in words.
+        expected: &'static str,
+    },
+    /// Two keys of the path claim one frame.
+    #[error("camera.key has two keys for frame {frame}: each frame may have one")]
+    TwoKeys {
+        /// Frame number.
+        frame: f64,
+    },
+    /// Nothing to frame the camera on.
+    #[error("camera.eye and camera.look_at are not set and there is nothing to frame: set both")]
+    NothingToFrame,
+    /// The crop is empty.
+    #[error("the data window {width}x{height} at {x},{y} is empty: it must be at least one pixel wide and high")]
+    EmptyWindow {
+        /// Left.
+        x: i32,
+        /// Top.
+        y: i32,
+        /// Width.
+        width: u32,
+        /// Height.
+        height: u32,
+    },
+    /// The threads could not be started.
+    #[error("could not start {threads} threads: {reason}")]
+    Threads {
+        /// Count asked for.
+        threads: usize,
+        /// The system's reason.
+        reason: String,
+    },
+}

@@ -1,0 +1,428 @@
+//! Sums of samples per pixel, and the channels that they become (FORMATS section 3).
+//!
+//! Every contribution of light goes through [`FilmTile::add`] into exactly one layer, so the layers add up to the beauty
+//! by construction, and no non-finite number gets in.
+
+use glam::{DVec2, DVec3, Vec3};
+
+use super::Camera;
+use crate::output::{Channel, SampleType, Window};
+
+/// Light by what the camera's ray met first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layer {
+    /// Mirrored by the water's surface.
+    Reflection,
+    /// Went into the water; not direct light.
+    Refraction,
+    /// Sun and lamps that reached what lies in the water through its surface.
+    Caustics,
+    /// Spray.
+    Spray,
+    /// Ground and objects.
+    Terrain,
+    /// Nothing.
+    Sky,
+}
+
+impl Layer {
+    /// Every layer, in the order of [`CHANNELS`].
+    pub const ALL: [Self; 6] =
+        [Self::Reflection, Self::Refraction, Self::Caustics, Self::Spray, Self::Terrain, Self::Sky];
+}
+
+/// Depth where nothing is hit.
+pub const NOTHING: f32 = 1e10;
+
+use SampleType::{Float, Half};
+
+/// Name and type of every channel of a Whitted picture, beauty first.
+pub const CHANNELS: [(&str, SampleType); 45] = [
+    ("R", Half),
+    ("G", Half),
+    ("B", Half),
+    ("A", Half),
+    ("Z", Float),
+    ("N.x", Half),
+    ("N.y", Half),
+    ("N.z", Half),
+    ("P.x", Float),
+    ("P.y", Float),
+    ("P.z", Float),
+    ("forward.u", Float),
+    ("forward.v", Float),
+    ("backward.u", Float),
+    ("backward.v", Float),
+    ("albedo.R", Half),
+    ("albedo.G", Half),
+    ("albedo.B", Half),
+    ("dnormal.x", Half),
+    ("dnormal.y", Half),
+    ("dnormal.z", Half),
+    ("reflection.R", Half),
+    ("reflection.G", Half),
+    ("reflection.B", Half),
+    ("refraction.R", Half),
+    ("refraction.G", Half),
+    ("refraction.B", Half),
+    ("caustics.R", Half),
+    ("caustics.G", Half),
+    ("caustics.B", Half),
+    ("spray.R", Half),
+    ("spray.G", Half),
+    ("spray.B", Half),
+    ("terrain.R", Half),
+    ("terrain.G", Half),
+    ("terrain.B", Half),
+    ("sky.R", Half),
+    ("sky.G", Half),
+    ("sky.B", Half),
+    ("water.depth", Float),
+    ("water.path", Float),
+    ("velocity.x", Half),
+    ("velocity.y", Half),
+    ("velocity.z", Half),
+    ("sampleCount", Float),
+];
+
+/// What the camera's ray met nearest of all samples of a pixel.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Nearest {
+    /// Planar depth (m); [`NOTHING`] if nothing was hit.
+    pub(super) depth: f32,
+    /// The sample it came from.
+    pub(super) sample: u32,
+    /// Position in the local frame (m).
+    pub(super) position: Vec3,
+    /// Shading normal.
+    pub(super) normal: Vec3,
+    /// Velocity of what was hit (m/s).
+    pub(super) velocity: Vec3,
+    /// Vertical depth of the water there (m).
+    pub(super) water_depth: f32,
+    /// Length of the first refracted ray (m).
+    pub(super) water_path: f32,
+}
+
+impl Nearest {
+    const NONE: Self = Self {
+        depth: NOTHING,
+        sample: u32::MAX,
+        position: Vec3::ZERO,
+        normal: Vec3::ZERO,
+        velocity: Vec3::ZERO,
+        water_depth: 0.0,
+        water_path: 0.0,
+    };
+}
+
+/// The sums of one tile's pixels.
+#[derive(Clone, Debug, Default)]
+pub(super) struct FilmTile {
+    /// The pixels, of the full frame.
+    pub(super) window: Window,
+    light: Vec<[Vec3; Layer::ALL.len()]>,
+    albedo: Vec<Vec3>,
+    normal: Vec<Vec3>,
+    /// Weight of the samples that saw a sky that is not to be seen.
+    uncovered: Vec<f32>,
+    nearest: Vec<Nearest>,
+    /// Contributions that were dropped since they were not finite.
+    pub(super) nonfinite: u64,
+}
+
+impl FilmTile {
+    /// Starts over for the pixels of `window`; keeps the memory.
+    pub(super) fn reset(&mut self, window: Window) {
+        let count = window.width as usize * window.height as usize;
+        self.window = window;
+        self.nonfinite = 0;
+        fn fill<T: Copy>(values: &mut Vec<T>, count: usize, value: T) {
+            values.clear();
+            values.resize(count, value);
+        }
+        fill(&mut self.light, count, [Vec3::ZERO; Layer::ALL.len()]);
+        fill(&mut self.albedo, count, Vec3::ZERO);
+        fill(&mut self.normal, count, Vec3::ZERO);
+        fill(&mut self.uncovered, count, 0.0);
+        fill(&mut self.nearest, count, Nearest::NONE);
+    }
+
+    /// Adds light to a layer. A contribution that is not finite is dropped and counted, a negative one is none.
+    #[inline]
+    pub(super) fn add(&mut self, pixel: u32, layer: Layer, light: Vec3) {
+        if light.is_finite() {
+            self.light[pixel as usize][layer as usize] += light.max(Vec3::ZERO);
+        } else {
+            self.nonfinite += 1;
+        }
+    }
+
+    /// Adds to the denoiser's guides: albedo and normal of what is seen with `weight`.
+    #[inline]
+    pub(super) fn add_guide(&mut self, pixel: u32, weight: f32, albedo: Vec3, normal: Vec3) {
+        let (albedo, normal) = (weight * albedo, weight * normal);
+        if albedo.is_finite() && normal.is_finite() {
+            self.albedo[pixel as usize] += albedo;
+            self.normal[pixel as usize] += normal;
+        } else {
+            self.nonfinite += 1;
+        }
+    }
+
+    /// Notes that a share of one sample saw a sky that is not to be seen.
+    #[inline]
+    pub(super) fn add_uncovered(&mut self, pixel: u32, weight: f32) {
+        self.uncovered[pixel as usize] += weight;
+    }
+
+    /// Takes `hit` if it is nearer than what the pixel has.
+    #[inline]
+    pub(super) fn offer(&mut self, pixel: u32, hit: Nearest) {
+        let nearest = &mut self.nearest[pixel as usize];
+        if hit.depth < nearest.depth {
+            *nearest = hit;
+        }
+    }
+
+    /// Notes the length of the first refracted ray, if `sample` is the one that gave the depth.
+    #[inline]
+    pub(super) fn note_path(&mut self, pixel: u32, sample: u32, path: f32) {
+        let nearest = &mut self.nearest[pixel as usize];
+        if nearest.sample == sample {
+            nearest.water_path = path;
+        }
+    }
+
+    /// The channels of every pixel, in the order of [`CHANNELS`].
+    pub(super) fn resolve(&self, view: &View, pixels: &mut Vec<[f32; CHANNELS.len()]>) {
+        pixels.clear();
+        for index in 0..self.light.len() {
+            let x = self.window.x + (index % self.window.width as usize) as i32;
+            let y = self.window.y + (index / self.window.width as usize) as i32;
+            pixels.push(self.resolve_pixel(index, DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5), view));
+        }
+    }
+
+    fn resolve_pixel(&self, index: usize, centre: DVec2, view: &View) -> [f32; CHANNELS.len()] {
+        let share = 1.0 / view.samples as f32;
+        let nearest = &self.nearest[index];
+        let hit = nearest.depth < NOTHING;
+        let world = if hit { view.origin + nearest.position.as_dvec3() } else { DVec3::ZERO };
+        let motion = |camera: &Camera, frames: f64| {
+            let (now, then) = if hit {
+                let moved = world + nearest.velocity.as_dvec3() * (frames / view.fps);
+                (view.camera.project(world), camera.project(moved))
+            } else {
+                (Some(centre), camera.project_direction(view.camera.direction(centre)))
+            };
+            // What is behind the eye at that frame has no place in its picture: no motion is written.
+            match (now, then) {
+                (Some(now), Some(then)) => [(then.x - now.x) as f32, (now.y - then.y) as f32],
+                _ => [0.0; 2],
+            }
+        };
+        let (forward, backward) = (motion(&view.next, 1.0), motion(&view.previous, -1.0));
+        // The sum of finite numbers may overflow: it stays finite here, and the file's own limit comes later.
+        let light = self.light[index].map(|sum| (sum * share).min(Vec3::splat(f32::MAX)));
+        let beauty = light.iter().fold(Vec3::ZERO, |sum, layer| sum + *layer).min(Vec3::splat(f32::MAX));
+        let alpha = (1.0 - self.uncovered[index] * share).clamp(0.0, 1.0);
+        let (albedo, dnormal) = (self.albedo[index] * share, self.normal[index] * share);
+
+        let mut values = [0.0; CHANNELS.len()];
+        let mut place = 0;
+        let mut put = |list: &[f32]| {
+            values[place..place + list.len()].copy_from_slice(list);
+            place += list.len();
+        };
+        put(&beauty.to_array());
+        put(&[alpha, nearest.depth]);
+        put(&nearest.normal.to_array());
+        put(&world.as_vec3().to_array());
+        put(&forward);
+        put(&backward);
+        put(&albedo.to_array());
+        put(&dnormal.to_array());
+        for layer in light {
+            put(&layer.to_array());
+        }
+        put(&[nearest.water_depth, nearest.water_path]);
+        put(&nearest.velocity.to_array());
+        put(&[view.samples as f32]);
+        values
+    }
+}
+
+/// What resolving a pixel needs to know of the whole picture.
+#[derive(Clone, Debug)]
+pub(super) struct View {
+    /// The camera now.
+    pub(super) camera: Camera,
+    /// The camera a frame later.
+    pub(super) next: Camera,
+    /// The camera a frame earlier.
+    pub(super) previous: Camera,
+    /// Where the local frame's zero lies (m).
+    pub(super) origin: DVec3,
+    /// Frames per second.
+    pub(super) fps: f64,
+    /// Samples per pixel.
+    pub(super) samples: u32,
+}
+
+/// The channels of a whole data window; pixels that no tile has filled are 0.
+#[derive(Debug)]
+pub(super) struct Film {
+    data: Window,
+    channels: Vec<Channel>,
+}
+
+impl Film {
+    /// An empty film.
+    pub(super) fn new(data: Window) -> Self {
+        let count = data.width as usize * data.height as usize;
+        let channels = CHANNELS
+            .iter()
+            .map(|&(name, sample_type)| Channel { name: name.to_owned(), sample_type, samples: vec![0.0; count] })
+            .collect();
+        Self { data, channels }
+    }
+
+    /// Copies a tile's pixels to their place.
+    pub(super) fn place(&mut self, window: Window, pixels: &[[f32; CHANNELS.len()]]) {
+        let width = window.width as usize;
+        for (index, channel) in self.channels.iter_mut().enumerate() {
+            for (row, line) in pixels.chunks_exact(width).enumerate() {
+                let y = (window.y - self.data.y) as usize + row;
+                let start = y * self.data.width as usize + (window.x - self.data.x) as usize;
+                for (sample, pixel) in channel.samples[start..start + width].iter_mut().zip(line) {
+                    *sample = pixel[index];
+                }
+            }
+        }
+    }
+
+    /// The channels.
+    pub(super) fn into_channels(self) -> Vec<Channel> {
+        self.channels
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::Pose;
+
+    fn window(x: i32, y: i32, width: u32, height: u32) -> Window {
+        Window { x, y, width, height }
+    }
+
+    fn camera(eye: DVec3) -> Camera {
+        Camera::new(Pose::looking(eye, eye + DVec3::new(0.5, -0.2, -4.0), DVec3::Y, 50.0, None).unwrap(), (64, 48), 0.0)
+    }
+
+    fn view() -> View {
+        let eye = DVec3::new(1.0e5, 3.0, 2.0);
+        let step = DVec3::new(0.3, 0.1, 0.0);
+        View {
+            camera: camera(eye),
+            next: camera(eye + step),
+            previous: camera(eye - 2.0 * step),
+            origin: DVec3::new(1.0e5, 0.0, 0.0),
+            fps: 24.0,
+            samples: 4,
+        }
+    }
+
+    fn value(pixels: &[[f32; CHANNELS.len()]], pixel: usize, name: &str) -> f32 {
+        pixels[pixel][CHANNELS.iter().position(|channel| channel.0 == name).unwrap()]
+    }
+
+    #[test]
+    fn light_that_is_not_finite_is_dropped_and_counted() {
+        let mut tile = FilmTile::default();
+        tile.reset(window(0, 0, 2, 1));
+        tile.add(1, Layer::Spray, Vec3::new(f32::NAN, 1.0, 1.0));
+        tile.add(1, Layer::Sky, Vec3::new(1.0, f32::INFINITY, 1.0));
+        tile.add(1, Layer::Sky, Vec3::new(4.0, -3.0, 8.0));
+        tile.add(1, Layer::Terrain, Vec3::splat(f32::MAX));
+        tile.add(1, Layer::Terrain, Vec3::splat(f32::MAX));
+        tile.add_guide(1, f32::NAN, Vec3::ONE, Vec3::Y);
+        assert_eq!(tile.nonfinite, 3);
+        let mut pixels = Vec::new();
+        tile.resolve(&view(), &mut pixels);
+        assert!(pixels.iter().flatten().all(|value| value.is_finite()));
+        assert_eq!(
+            [value(&pixels, 1, "sky.R"), value(&pixels, 1, "sky.G"), value(&pixels, 1, "sky.B")],
+            [1.0, 0.0, 2.0]
+        );
+    }
+
+    #[test]
+    fn layers_add_up_to_the_beauty() {
+        let mut tile = FilmTile::default();
+        tile.reset(window(0, 0, 1, 1));
+        for (index, layer) in Layer::ALL.into_iter().enumerate() {
+            tile.add(0, layer, Vec3::new(0.1, 1.7, 13.0) * (index + 1) as f32);
+        }
+        let mut pixels = Vec::new();
+        tile.resolve(&view(), &mut pixels);
+        for channel in ["R", "G", "B"] {
+            let sum: f32 = CHANNELS
+                .iter()
+                .filter(|(name, _)| name.ends_with(&format!(".{channel}")) && !name.starts_with("albedo"))
+                .map(|(name, _)| value(&pixels, 0, name))
+                .sum();
+            let beauty = value(&pixels, 0, channel);
+            assert!((sum - beauty).abs() <= 1e-6 * beauty && beauty > 0.0, "{channel}: {sum} {beauty}");
+        }
+    }
+
+    #[test]
+    fn motion_is_the_projection_of_where_things_go() {
+        let view = view();
+        let mut tile = FilmTile::default();
+        tile.reset(window(10, 12, 2, 1));
+        let (position, velocity) = (Vec3::new(2.0, 2.0, -9.0), Vec3::new(2.4, 0.0, 4.8));
+        tile.offer(0, Nearest { depth: 3.0, sample: 0, position, velocity, ..Nearest::NONE });
+        // A farther sample must not replace it.
+        tile.offer(0, Nearest { depth: 5.0, sample: 1, ..Nearest::NONE });
+        let mut pixels = Vec::new();
+        tile.resolve(&view, &mut pixels);
+
+        // By hand: coordinates along the axes of the camera, divided by depth and scaled to 48 pixels in 50 degrees.
+        let by_hand = |camera: &Camera, point: DVec3| {
+            let pose = camera.pose;
+            let offset = point - pose.eye;
+            let scale = 24.0 / 25.0_f64.to_radians().tan() / offset.dot(pose.forward);
+            (offset.dot(pose.right) * scale, offset.dot(pose.up) * scale)
+        };
+        let world = view.origin + position.as_dvec3();
+        let step = velocity.as_dvec3() / 24.0;
+        let now = by_hand(&view.camera, world);
+        let next = by_hand(&view.next, world + step);
+        let previous = by_hand(&view.previous, world - step);
+        for (name, expected) in [
+            ("forward.u", next.0 - now.0),
+            ("forward.v", next.1 - now.1),
+            ("backward.u", previous.0 - now.0),
+            ("backward.v", previous.1 - now.1),
+        ] {
+            let got = f64::from(value(&pixels, 0, name));
+            assert!((got - expected).abs() < 1e-4 && expected.abs() > 0.1, "{name}: {got} against {expected}");
+        }
+        assert_eq!(value(&pixels, 0, "Z"), 3.0);
+        // The sky is so far that a camera that only moves aside does not shift it.
+        assert_eq!(value(&pixels, 1, "Z"), NOTHING);
+        assert!(value(&pixels, 1, "forward.u").abs() < 1e-4 && value(&pixels, 1, "backward.v").abs() < 1e-4);
+        assert_eq!([value(&pixels, 1, "P.x"), value(&pixels, 1, "N.y")], [0.0; 2]);
+    }
+
+    #[test]
+    fn tiles_land_in_their_place_of_the_data_window() {
+        let mut film = Film::new(window(-3, 5, 5, 3));
+        film.place(window(0, 6, 2, 2), &[[1.0; CHANNELS.len()], [2.0; 45], [3.0; 45], [4.0; 45]]);
+        let channels = film.into_channels();
+        assert_eq!(channels[0].samples, [0., 0., 0., 0., 0., 0., 0., 0., 1., 2., 0., 0., 0., 3., 4.]);
+    }
+}

@@ -1,0 +1,49 @@
+//! The rooms' answers to what the integrator asks about matter: ground, waterline, sky view, spray, heights.
+
+use glam::Vec3;
+
+use super::{GroundLook, Matter, SprayLook};
+use crate::{
+    particles,
+    surface::SplineSurface,
+    terrain::{Ground, GroundPoint, SkyView, Waterline},
+};
+
+/// The matter of one frame, borrowed from the rooms that made it, all in the local frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Looks<'a> {
+    /// Colour and relief of the ground.
+    pub ground: &'a Ground,
+    /// Levels of the nearest water, for the ground's colour.
+    pub waterline: &'a Waterline,
+    /// Share of the sky that the ground sees.
+    pub sky_view: &'a SkyView,
+    /// The spray, in the order of the lowered spheres or discs.
+    pub spray: &'a particles::Spray,
+    /// The water as a spline, whatever it is drawn as; `None` without water.
+    pub water: Option<&'a SplineSurface>,
+    /// The bed as a spline, whatever it is drawn as; `None` without a bed.
+    pub bed: Option<&'a SplineSurface>,
+}
+
+impl Matter for Looks<'_> {
+    fn ground(&self, position: Vec3, normal: Vec3, depth: f32, footprint: f32) -> GroundLook {
+        let height_above_water = self.waterline.height_above(position);
+        let point = GroundPoint { position, normal, height_above_water, water_depth: depth };
+        let (albedo, normal) = self.ground.look(&point, footprint);
+        GroundLook { albedo, normal, sky_view: self.sky_view.at(position.x, position.z) }
+    }
+
+    fn spray(&self, index: u32) -> SprayLook {
+        let look = self.spray.appearance(index as usize);
+        SprayLook { albedo: look.albedo, opacity: look.opacity, velocity: self.spray.velocity[index as usize] }
+    }
+
+    fn water_level(&self, x: f32, z: f32) -> Option<f32> {
+        self.water?.height(x, z)
+    }
+
+    fn bed_level(&self, x: f32, z: f32) -> Option<f32> {
+        self.bed?.height(x, z)
+    }
+}

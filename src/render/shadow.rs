@@ -1,0 +1,178 @@
+//! Direct light: which lights a point asks for, and the chain of hits on the way to each.
+//!
+//! Ground and objects stop light, spray lets 1 - opacity of it through, water crossings cost Fresnel's share and what
+//! the water on the way absorbs. Rays from under water towards the sun are bent once, as under a level surface: where
+//! waves would focus the beam is the matter of a caustics pass, not of Whitted's light.
+
+use glam::Vec3;
+
+use super::{
+    batches::{Scratch, ShadowCarrier},
+    contact::Contact,
+    film::Layer,
+    world::World,
+};
+use crate::{
+    accel::NO_PART,
+    lower::{Material, Shape},
+    optics::absorb::transmittance,
+};
+
+/// A ray through more borders than this counts as stopped: each droplet has two, and behind thirty-two of them little
+/// light is left.
+const CROSSINGS: u16 = 64;
+
+/// Light of which less than this share got through counts as stopped: under half's rounding of the light it is part of.
+const LEAST_SHARE: f32 = 1.0 / 2048.0;
+
+/// A diffuse point that asks for light.
+pub(super) struct Receiver<'a> {
+    pub(super) contact: &'a Contact,
+    /// Unit normal to shade with, towards the viewer.
+    pub(super) normal: Vec3,
+    /// Unit geometric normal towards the viewer; `None` for what light reaches from both sides.
+    pub(super) facing: Option<Vec3>,
+    /// Share of radiance that reaches the sample, albedo and 1/pi included.
+    pub(super) weight: Vec3,
+    pub(super) in_water: bool,
+    /// Depth (m) under the level water surface.
+    pub(super) depth: f32,
+    /// Metres from the eye.
+    pub(super) distance: f32,
+    pub(super) pixel: u32,
+    pub(super) layer: Layer,
+}
+
+impl World<'_> {
+    /// Queues the rays that bring sun and lamps to a diffuse point.
+    pub(super) fn ask_for_light(&self, receiver: &Receiver, scratch: &mut Scratch) {
+        let mut carrier = ShadowCarrier {
+            light: Vec3::ZERO,
+            share: 1.0,
+            level_path: 0.0,
+            distance: receiver.distance,
+            pixel: receiver.pixel,
+            layer: receiver.layer,
+            crossed: 0,
+            in_water: receiver.in_water,
+            bent: false,
+        };
+        // A smooth shading normal may see a light that the flat surface under it turns its back to.
+        let faces = |direction: Vec3| receiver.facing.is_none_or(|normal| normal.dot(direction) > 0.0);
+        if receiver.in_water {
+            if let Some(sun) = &self.sun_below {
+                let cosine = receiver.normal.dot(sun.direction);
+                if cosine > 0.0 && faces(sun.direction) {
+                    let bent = ShadowCarrier {
+                        light: receiver.weight * sun.irradiance * cosine,
+                        level_path: receiver.depth / sun.direction.y,
+                        bent: true,
+                        ..carrier
+                    };
+                    self.push_shadow(receiver.contact, sun.direction, f32::INFINITY, bent, scratch);
+                }
+            }
+        } else {
+            let cosine = receiver.normal.dot(self.sun.direction);
+            if cosine > 0.0 && faces(self.sun.direction) && self.sun.irradiance.max_element() > 0.0 {
+                carrier.light = receiver.weight * self.sun.irradiance * cosine;
+                self.push_shadow(receiver.contact, self.sun.direction, f32::INFINITY, carrier, scratch);
+            }
+        }
+        for lamp in &self.lamps {
+            let to_lamp = lamp.position - receiver.contact.position;
+            let distance = to_lamp.length();
+            let direction = to_lamp / distance;
+            let cosine = receiver.normal.dot(direction);
+            if cosine > 0.0 && faces(direction) {
+                carrier.light = receiver.weight * lamp.intensity * (cosine / (distance * distance));
+                // The lamp is a point: nothing at its very place stands in the way.
+                let reach = distance * (1.0 - 4.0 * f32::EPSILON);
+                self.push_shadow(receiver.contact, direction, reach, carrier, scratch);
+            }
+        }
+    }
+
+    /// Queues one ray towards a light.
+    pub(super) fn push_shadow(
+        &self,
+        contact: &Contact,
+        direction: Vec3,
+        reach: f32,
+        carrier: ShadowCarrier,
+        scratch: &mut Scratch,
+    ) {
+        let origin = contact.leave(direction);
+        scratch.shadow.rays.push(origin, direction, 0.0, reach, self.tolerance_at(carrier.distance));
+        scratch.shadow.carriers.push(carrier);
+    }
+
+    /// Follows all queued shadow rays to their ends and adds what arrives.
+    pub(super) fn trace_shadows(&self, scratch: &mut Scratch) {
+        while !scratch.shadow.rays.is_empty() {
+            scratch.shadow.rays.tolerance_growth = self.tolerance[1];
+            scratch.counts.shadow += scratch.shadow.rays.len() as u64;
+            self.accelerator.closest(&scratch.shadow.rays, &mut scratch.hits, &mut scratch.solve);
+            scratch.next_shadow.clear();
+            for index in 0..scratch.shadow.rays.len() {
+                self.follow_shadow(index, scratch);
+            }
+            std::mem::swap(&mut scratch.shadow, &mut scratch.next_shadow);
+        }
+    }
+
+    fn follow_shadow(&self, index: usize, scratch: &mut Scratch) {
+        let mut carrier = scratch.shadow.carriers[index];
+        let (t, part) = (scratch.hits.t[index], scratch.hits.part[index]);
+        let reach = scratch.shadow.rays.tfar[index];
+        if part == NO_PART {
+            let path = match (carrier.in_water, carrier.bent) {
+                (false, _) => 0.0,
+                (true, true) => carrier.level_path,
+                (true, false) => reach,
+            };
+            let light = carrier.light * carrier.share * transmittance(self.water.absorption, path);
+            scratch.film.add(carrier.pixel, carrier.layer, light);
+            return;
+        }
+        let (origin, mut direction) = (scratch.shadow.rays.origin(index), scratch.shadow.rays.direction(index));
+        let part = &self.lowered.parts[part as usize];
+        let given = Vec3::from_array(std::array::from_fn(|axis| scratch.hits.normal[axis][index]));
+        let primitive = scratch.hits.primitive[index];
+        let place = [scratch.hits.u[index], scratch.hits.v[index]];
+        let contact = Contact::new(part, primitive, place, origin, direction, t, given);
+        let outward = direction.dot(contact.normal) > 0.0;
+        match &part.material {
+            Material::Water => {
+                if outward {
+                    carrier.light *= transmittance(self.water.absorption, t);
+                }
+                if carrier.bent {
+                    // The beam's own losses at the surface are in its irradiance already.
+                    direction = self.sun.direction;
+                    carrier.bent = false;
+                } else {
+                    // Unbent: both directions of the crossing take the reflectance at the angle in air.
+                    carrier.share *= 1.0 - self.water.reflectance(direction.dot(contact.normal).abs(), false);
+                }
+                carrier.in_water = !outward;
+            }
+            Material::Spray => {
+                // A ball is met twice, on the way in and on the way out, and counts once.
+                if !outward || matches!(part.shape, Shape::Discs(_)) {
+                    carrier.share *= 1.0 - self.matter.spray(primitive).opacity;
+                }
+            }
+            Material::Ground | Material::Diffuse(_) | Material::VertexColours(_) => return,
+        }
+        carrier.crossed += 1;
+        if carrier.share < LEAST_SHARE || carrier.crossed > CROSSINGS {
+            return;
+        }
+        carrier.distance += t;
+        let start = contact.leave(direction);
+        let next = &mut scratch.next_shadow;
+        next.rays.push(start, direction, 0.0, reach - t, self.tolerance_at(carrier.distance));
+        next.carriers.push(carrier);
+    }
+}

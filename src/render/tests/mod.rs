@@ -1,0 +1,143 @@
+//! Whole pictures of small scenes whose light is known, and the scenes themselves.
+
+mod analytic;
+mod promises;
+
+use std::{path::Path, sync::Arc, sync::atomic::AtomicBool};
+
+use glam::{DVec3, Vec3};
+
+use super::*;
+use crate::{
+    accel::{self, Accelerator},
+    lower::{Lowered, Material, Part, Shape, Spheres, Triangles},
+    optics::Sky,
+    output::Picture,
+    scene::{AccelKind, Scene, SkyKind},
+};
+
+/// One albedo, one particle look, level water over a level bed.
+pub(super) struct Flat {
+    pub(super) water: Option<f32>,
+    pub(super) bed: Option<f32>,
+    pub(super) albedo: Vec3,
+    pub(super) spray: SprayLook,
+}
+
+impl Default for Flat {
+    fn default() -> Self {
+        let spray = SprayLook { albedo: Vec3::splat(0.8), opacity: 0.7, velocity: Vec3::new(3.0, 1.0, 0.5) };
+        Self { water: None, bed: None, albedo: Vec3::splat(0.5), spray }
+    }
+}
+
+impl Matter for Flat {
+    fn ground(&self, _position: Vec3, normal: Vec3, _depth: f32, _footprint: f32) -> GroundLook {
+        GroundLook { albedo: self.albedo, normal, sky_view: 1.0 }
+    }
+    fn spray(&self, _index: u32) -> SprayLook {
+        self.spray
+    }
+    fn water_level(&self, _x: f32, _z: f32) -> Option<f32> {
+        self.water
+    }
+    fn bed_level(&self, _x: f32, _z: f32) -> Option<f32> {
+        self.bed
+    }
+}
+
+/// A scene with a uniform sky of radiance `sky` and no sun.
+pub(super) fn uniform(sky: f64, size: u32) -> Scene {
+    let mut scene = Scene::default();
+    scene.sky.kind = SkyKind::Constant;
+    scene.sky.radiance = [sky; 3];
+    scene.sun.irradiance = 0.0;
+    scene.render.width = size;
+    scene.render.height = size;
+    scene.render.samples = 4;
+    scene.render.depth = 16;
+    scene
+}
+
+pub(super) fn part(name: &str, material: Material, shape: Shape) -> Part {
+    Part { name: name.into(), material, shape }
+}
+
+/// The six faces of a box, normals outward.
+pub(super) fn cuboid(low: Vec3, high: Vec3) -> Triangles {
+    let corner = |index: usize| {
+        let pick = |axis: usize| if index >> axis & 1 == 0 { low[axis] } else { high[axis] };
+        Vec3::new(pick(0), pick(1), pick(2))
+    };
+    let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let index = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+    Triangles { position: (0..8).map(corner).collect(), normal: Vec::new(), index }
+}
+
+/// A level square of half side `half` at height `y`, facing up.
+pub(super) fn level(y: f32, half: f32) -> Triangles {
+    let position = [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)].map(|(x, z)| Vec3::new(x * half, y, z * half));
+    Triangles { position: position.to_vec(), normal: Vec::new(), index: vec![[0, 1, 2], [0, 2, 3]] }
+}
+
+pub(super) fn ball(center: Vec3, radius: f32) -> Shape {
+    Shape::Spheres(Arc::new(Spheres { center: vec![center], radius: vec![radius] }))
+}
+
+pub(super) fn mesh(triangles: Triangles) -> Shape {
+    Shape::Triangles(Arc::new(triangles))
+}
+
+/// Everything of one picture.
+pub(super) struct Setup {
+    pub(super) scene: Scene,
+    pub(super) lowered: Lowered,
+    pub(super) matter: Flat,
+    pub(super) eye: [f64; 3],
+    pub(super) look_at: [f64; 3],
+    pub(super) crop: Option<crate::output::Window>,
+    pub(super) threads: usize,
+}
+
+impl Setup {
+    pub(super) fn new(scene: Scene, parts: Vec<Part>, eye: [f64; 3], look_at: [f64; 3]) -> Self {
+        let lowered = Lowered { origin: DVec3::ZERO, parts };
+        Self { scene, lowered, matter: Flat::default(), eye, look_at, crop: None, threads: 1 }
+    }
+
+    pub(super) fn path(&self) -> CameraPath {
+        let camera = &self.scene.camera;
+        let up = DVec3::from(camera.up);
+        let pose = Pose::looking(self.eye.into(), self.look_at.into(), up, camera.fov, camera.focus).unwrap();
+        CameraPath::fixed(pose, up)
+    }
+
+    pub(super) fn accelerator(&self) -> Box<dyn Accelerator> {
+        accel::build(&self.lowered, AccelKind::Brute, AccelKind::Brute).unwrap()
+    }
+
+    pub(super) fn render(&self) -> (Picture, RenderStats) {
+        self.render_until(&AtomicBool::new(false), &())
+    }
+
+    pub(super) fn render_until(&self, stop: &AtomicBool, observer: &dyn Observer) -> (Picture, RenderStats) {
+        let sky = Sky::build(&self.scene.sky, &self.scene.sun, Path::new(".")).unwrap();
+        let (accelerator, path) = (self.accelerator(), self.path());
+        let job = Job {
+            scene: &self.scene,
+            lowered: &self.lowered,
+            accelerator: &*accelerator,
+            matter: &self.matter,
+            sky: &sky,
+            path: &path,
+            frame: 7,
+            crop: self.crop,
+            threads: self.threads,
+        };
+        render_frame(&job, stop, observer).unwrap()
+    }
+}
+
+pub(super) fn samples<'a>(picture: &'a Picture, name: &str) -> &'a [f32] {
+    &picture.channels.iter().find(|channel| channel.name == name).unwrap_or_else(|| panic!("no channel {name}")).samples
+}

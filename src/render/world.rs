@@ -1,0 +1,225 @@
+//! What shading knows of the whole frame: looks, lights, the water's constants, tolerances. Nothing here changes while
+//! a picture is rendered.
+
+use glam::{DVec3, Vec3};
+
+use crate::{
+    accel::Accelerator,
+    lower::Lowered,
+    optics::{Sky, Sun, fresnel, highlight::Lobe},
+    scene,
+};
+
+use super::{Camera, Sampler};
+
+/// The look of the ground at a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GroundLook {
+    /// Linear Rec.709 albedo.
+    pub albedo: Vec3,
+    /// Unit normal to shade with.
+    pub normal: Vec3,
+    /// Share of the sky that the ground around leaves free, 0..1.
+    pub sky_view: f32,
+}
+
+/// The look of one particle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SprayLook {
+    /// Linear Rec.709 albedo.
+    pub albedo: Vec3,
+    /// Share of the light that it stops, 0..1.
+    pub opacity: f32,
+    /// Velocity (m/s).
+    pub velocity: Vec3,
+}
+
+/// What the integrator asks about matter, in the local frame.
+pub trait Matter: Sync {
+    /// The ground at `position` with unit normal `normal`, under `depth` metres of water (0 in air); `footprint` is the
+    /// width (m) of what one sample sees of it.
+    fn ground(&self, position: Vec3, normal: Vec3, depth: f32, footprint: f32) -> GroundLook;
+    /// Particle `index`.
+    fn spray(&self, index: u32) -> SprayLook;
+    /// Height of the water's surface at x, z; `None` where no water is.
+    fn water_level(&self, x: f32, z: f32) -> Option<f32>;
+    /// Height of the bed at x, z; `None` outside the domain.
+    fn bed_level(&self, x: f32, z: f32) -> Option<f32>;
+}
+
+/// A point light in the local frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lamp {
+    /// Position (m).
+    pub(super) position: Vec3,
+    /// Radiant intensity.
+    pub(super) intensity: Vec3,
+}
+
+/// What water does to light, in single precision, with what follows from it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct WaterLook {
+    /// Index of refraction.
+    pub(super) ior: f32,
+    /// Absorption per metre.
+    pub(super) absorption: Vec3,
+    fresnel: scene::Fresnel,
+    r0: Option<f32>,
+    /// Diffuse reflectance of the surface itself.
+    pub(super) diffuse: Vec3,
+    /// Scale of mirror reflection and highlight.
+    pub(super) specular: Vec3,
+    /// The sun's image on the surface.
+    pub(super) lobe: Lobe,
+    /// GGX roughness of the sun's image seen through the surface from below, `None` without a highlight.
+    pub(super) alpha: Option<f32>,
+    /// Share of a uniform sky's light that a level surface lets in.
+    pub(super) diffuse_transmittance: f32,
+    /// Mean length of that light's way down, per metre of depth.
+    pub(super) diffuse_path: f32,
+    /// Share of uniform light from below that the surface sends back down.
+    pub(super) diffuse_return: f32,
+}
+
+impl WaterLook {
+    pub(super) fn new(water: &scene::Water) -> Self {
+        let lobe = Lobe::new(water);
+        let mut look = Self {
+            ior: water.ior as f32,
+            absorption: Vec3::from_array(water.absorption.map(|value| value as f32)),
+            fresnel: water.fresnel,
+            r0: water.r0.map(|value| value as f32),
+            diffuse: Vec3::from_array(water.diffuse.map(|value| value as f32)),
+            specular: Vec3::from_array(water.specular.map(|value| value as f32)),
+            lobe,
+            alpha: match lobe {
+                Lobe::Ggx { alpha } => Some(alpha),
+                // Blinn's relation between a Phong exponent about the mirror direction and a roughness.
+                Lobe::Phong { exponent } => Some((8.0 / (exponent + 8.0)).sqrt().min(1.0)),
+                Lobe::None => None,
+            },
+            diffuse_transmittance: 1.0,
+            diffuse_path: 1.0,
+            diffuse_return: 0.0,
+        };
+        // 2 * integral of T(mu) mu over mu in 0..1, midpoints: T is smooth but for its last half degree.
+        let (mut through, mut cosines) = (0.0, 0.0);
+        let steps = 4096;
+        for step in 0..steps {
+            let cosine = (f64::from(step) + 0.5) / f64::from(steps);
+            let share = (1.0 - f64::from(look.reflectance(cosine as f32, false))) * 2.0 * cosine / f64::from(steps);
+            let below = (1.0 - (1.0 - cosine * cosine) / (water.ior * water.ior)).sqrt();
+            through += share;
+            cosines += share * below;
+        }
+        look.diffuse_transmittance = through as f32;
+        // By the mean cosine, as the average cosine of downwelling light is used for its attenuation (Kirk 1984).
+        look.diffuse_path = (through / cosines) as f32;
+        // Reciprocity: what leaves by a surface of index n is T / n^2 of uniform light from below, the rest comes back.
+        look.diffuse_return = (1.0 - through / (water.ior * water.ior)) as f32;
+        look
+    }
+
+    /// Reflectance for light that arrives at `cosine` from outside or (`from_water`) from inside.
+    #[inline]
+    pub(super) fn reflectance(&self, cosine: f32, from_water: bool) -> f32 {
+        let (from, to) = if from_water { (self.ior, 1.0) } else { (1.0, self.ior) };
+        match self.fresnel {
+            scene::Fresnel::Exact => fresnel::reflectance_exact(cosine, from, to),
+            scene::Fresnel::Schlick => fresnel::reflectance_schlick(cosine, from, to, self.r0),
+        }
+    }
+}
+
+/// The sun as it shines under a level surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SunBelow {
+    /// Unit vector up along the refracted beam.
+    pub(super) direction: Vec3,
+    /// Irradiance on a card across the beam, just under the surface.
+    pub(super) irradiance: Vec3,
+}
+
+/// Everything about a frame that shading reads.
+pub(super) struct World<'a> {
+    pub(super) lowered: &'a Lowered,
+    pub(super) accelerator: &'a dyn Accelerator,
+    pub(super) matter: &'a dyn Matter,
+    pub(super) sky: &'a Sky,
+    pub(super) sun: Sun,
+    pub(super) sun_below: Option<SunBelow>,
+    pub(super) lamps: Vec<Lamp>,
+    pub(super) water: WaterLook,
+    pub(super) camera: Camera,
+    pub(super) sampler: Sampler,
+    pub(super) sky_visible: bool,
+    /// Reflections and refractions that are followed.
+    pub(super) depth: u16,
+    /// The eye is in the water.
+    pub(super) eye_in_water: bool,
+    /// Tolerance of a surface hit: metres, and metres per metre travelled.
+    pub(super) tolerance: [f32; 2],
+}
+
+impl<'a> World<'a> {
+    pub(super) fn new(
+        scene: &scene::Scene,
+        lowered: &'a Lowered,
+        accelerator: &'a dyn Accelerator,
+        matter: &'a dyn Matter,
+        sky: &'a Sky,
+        camera: Camera,
+    ) -> Self {
+        let water = WaterLook::new(&scene.water);
+        let sun = Sun::build(&scene.sun, &scene.sky);
+        let lamps = scene
+            .light
+            .iter()
+            .map(|light| Lamp {
+                position: (DVec3::from(light.position) - lowered.origin).as_vec3(),
+                intensity: Vec3::from_array(light.intensity.map(|value| value as f32)),
+            })
+            .collect();
+        let eye = (camera.pose.eye - lowered.origin).as_vec3();
+        let level = matter.water_level(eye.x, eye.z);
+        // Without a bed the water is closed by whatever else stands there, and being under its top is what counts.
+        let over_bed = matter.bed_level(eye.x, eye.z).is_none_or(|bed| eye.y > bed);
+        let tolerance = match scene.surface.tolerance {
+            Some(metres) => [metres as f32, 0.0],
+            None => [0.0, (scene.surface.accuracy * camera.pixel_angle()) as f32],
+        };
+        Self {
+            lowered,
+            accelerator,
+            matter,
+            sky,
+            sun,
+            sun_below: sun_below(&sun, &water),
+            lamps,
+            water,
+            camera,
+            sampler: Sampler::new(&scene.render),
+            sky_visible: scene.sky.visible,
+            depth: scene.render.depth.min(u32::from(u16::MAX)) as u16,
+            eye_in_water: over_bed && level.is_some_and(|level| eye.y < level),
+            tolerance,
+        }
+    }
+
+    /// Tolerance (m) at the start of a ray, `distance` metres after the eye.
+    #[inline]
+    pub(super) fn tolerance_at(&self, distance: f32) -> f32 {
+        self.tolerance[0] + self.tolerance[1] * distance
+    }
+}
+
+/// The sun's beam under a level surface: bent, thinned by reflection, and as wide as its own new slant.
+fn sun_below(sun: &Sun, water: &WaterLook) -> Option<SunBelow> {
+    let cosine = sun.direction.y;
+    if cosine <= 0.0 || sun.irradiance.max_element() <= 0.0 {
+        return None;
+    }
+    let direction = -fresnel::refract(-sun.direction, Vec3::Y, 1.0, water.ior)?;
+    let through = 1.0 - water.reflectance(cosine, false);
+    Some(SunBelow { direction, irradiance: sun.irradiance * (through * cosine / direction.y) })
+}
