@@ -156,10 +156,6 @@ impl Simd for Avx2 {
         with_token!(I(_mm256_srav_epi32(a.0, count.0)))
     }
     #[inline(always)]
-    fn xor(self, a: I, b: I) -> I {
-        with_token!(I(_mm256_xor_si256(a.0, b.0)))
-    }
-    #[inline(always)]
     fn min_int(self, a: I, b: I) -> I {
         with_token!(I(_mm256_min_epi32(a.0, b.0)))
     }

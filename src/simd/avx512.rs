@@ -167,10 +167,6 @@ impl Simd for Avx512 {
         with_token!(I(_mm512_srav_epi32(a.0, count.0)))
     }
     #[inline(always)]
-    fn xor(self, a: I, b: I) -> I {
-        with_token!(I(_mm512_xor_si512(a.0, b.0)))
-    }
-    #[inline(always)]
     fn min_int(self, a: I, b: I) -> I {
         with_token!(I(_mm512_min_epi32(a.0, b.0)))
     }

@@ -133,8 +133,6 @@ pub(crate) trait Simd: Copy + Send + Sync + 'static {
     fn shift_left(self, a: Self::I, count: Self::I) -> Self::I;
     /// `a >> count` per lane, arithmetic, counts 0..32.
     fn shift_right(self, a: Self::I, count: Self::I) -> Self::I;
-    /// `a ^ b`.
-    fn xor(self, a: Self::I, b: Self::I) -> Self::I;
     /// Lesser of two.
     fn min_int(self, a: Self::I, b: Self::I) -> Self::I;
     /// Greater of two.

@@ -154,10 +154,6 @@ impl Simd for Portable {
         I(from_fn(|lane| a.0[lane].wrapping_shr(count.0[lane] as u32)))
     }
     #[inline(always)]
-    fn xor(self, a: I, b: I) -> I {
-        I(from_fn(|lane| a.0[lane] ^ b.0[lane]))
-    }
-    #[inline(always)]
     fn min_int(self, a: I, b: I) -> I {
         I(from_fn(|lane| a.0[lane].min(b.0[lane])))
     }

@@ -52,7 +52,7 @@ impl Kernel for Operations<'_> {
             let one = s.splat_int(1);
             keep_int(s.shift_left(i, one), &mut out);
             keep_int(s.shift_right(i, one), &mut out);
-            keep_int(s.xor(i, one), &mut out);
+            keep_int(i + one, &mut out);
             keep_int(s.min_int(i, one), &mut out);
             keep_int(s.max_int(i, one), &mut out);
             keep_int(s.select_int(s.eq_int(i, one) | s.gt_int(i, one), i, i * i), &mut out);

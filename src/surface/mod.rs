@@ -1,9 +1,11 @@
 //! The water and the bed as height functions: uniform B-splines over the columns.
 
 pub mod audit;
+pub mod control;
 mod lanes;
 mod lattice;
 mod pyramid;
+pub mod quads;
 pub mod referee;
 mod sides;
 mod solve;

@@ -37,7 +37,7 @@ pub(super) struct Pyramid {
 
 impl Pyramid {
     /// Bounds of a lattice.
-    pub fn build(lattice: &Lattice) -> Self {
+    pub(super) fn build(lattice: &Lattice) -> Self {
         let [cx, cz] = lattice.cells;
         let hulls = hulls(lattice);
         let (least, greatest) = (0..cx * cz)
@@ -94,7 +94,7 @@ impl Pyramid {
     }
 
     /// Least and greatest height of everything (m), padded; `None` where no patch exists.
-    pub fn range(&self) -> Option<[f64; 2]> {
+    pub(super) fn range(&self) -> Option<[f64; 2]> {
         let top = self.start[self.levels - 1] as usize;
         let (low, high) =
             self.words[top..].iter().fold((MOST, 0), |(low, high), &w| (low.min(w & MOST), high.max(w >> 16)));
@@ -102,7 +102,7 @@ impl Pyramid {
     }
 
     /// Bytes held.
-    pub fn bytes(&self) -> u64 {
+    pub(super) fn bytes(&self) -> u64 {
         (self.words.capacity() * size_of::<u32>() + size_of::<Self>()) as u64
     }
 }

@@ -1,29 +1,199 @@
-//! The body of water's walls at the domain's edge: between bed and surface, exact, never tessellated.
+//! The body of water's walls at the domain's edge: upright, from the bed to the water's surface, never tessellated. A ray
+//! inside the water always has a way out.
+//!
+//! A wall is hit where the ray crosses its plane and the bed lies under the crossing and the water above it, both
+//! evaluated from their splines. The edge itself belongs to the wall, with a little room for rounding, so that no ray
+//! slips out between wall and surface.
 
 use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::{LaneHits, LaneRays, LaneSurface, SolveCounts, SplineSurface};
+use super::{LANES, LaneHits, LaneRays, LaneSurface, SolveCounts, SplineSurface};
+
+/// Axis (0: x, 1: z), end of the domain (0: least, 1: greatest) and outward normal of each wall: west, east, north, south.
+const WALLS: [(usize, usize, Vec3); 4] = [(0, 0, Vec3::NEG_X), (0, 1, Vec3::X), (1, 0, Vec3::NEG_Z), (1, 1, Vec3::Z)];
 
 /// The four walls; primitive 0 west, 1 east, 2 north, 3 south.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Sides {
-    /// The water's surface.
-    pub water: Arc<SplineSurface>,
-    /// The bed.
-    pub bed: Arc<SplineSurface>,
+    water: Arc<SplineSurface>,
+    bed: Option<Arc<SplineSurface>>,
+    /// Room for rounding along the walls (m).
+    slack: f64,
+}
+
+impl Sides {
+    /// Walls between a water surface and its bed; without a bed they reach down to the water's lowest height.
+    pub fn new(water: Arc<SplineSurface>, bed: Option<Arc<SplineSurface>>) -> Self {
+        // Single-precision rays are rounded to this much at the domain's far corner.
+        let [low, high] = water.bounds();
+        let slack = 4.0 * f64::from(f32::EPSILON) * f64::from(low.abs().max(high.abs()).max_element());
+        Self { water, bed, slack }
+    }
+
+    /// Heights of bed and water over a point of the domain's edge; `None` where there is no water.
+    fn span(&self, x: f64, z: f64) -> Option<[f64; 2]> {
+        let (top, _) = self.water.point(x, z)?;
+        let bottom = match &self.bed {
+            Some(bed) => bed.point(x, z)?.0,
+            None => self.water.height_range()?[0],
+        };
+        (bottom <= top).then_some([bottom, top])
+    }
+
+    /// The first wall that a ray hits within `range`: t, wall, and place along and up the wall.
+    fn first(&self, origin: [f64; 3], direction: [f64; 3], range: [f64; 2]) -> Option<(f64, u32, [f64; 2])> {
+        let domain = self.water.lattice().domain.map(|corner| self.water.lattice().from_cell(corner));
+        let mut first: Option<(f64, u32, [f64; 2])> = None;
+        for (wall, &(axis, end, _)) in WALLS.iter().enumerate() {
+            let (across, along) = if axis == 0 { (0, 2) } else { (2, 0) };
+            let t = (domain[end][axis] - origin[across]) / direction[across];
+            // A ray within the plane, or parallel to it, crosses nowhere.
+            if !t.is_finite() || t < range[0] || t > range[1] || first.is_some_and(|(nearest, ..)| nearest <= t) {
+                continue;
+            }
+            let (low, high) = (domain[0][1 - axis], domain[1][1 - axis]);
+            let place = origin[along] + t * direction[along];
+            if place < low - self.slack || place > high + self.slack {
+                continue;
+            }
+            let place = place.clamp(low, high);
+            let at = if axis == 0 { [domain[end][0], place] } else { [place, domain[end][1]] };
+            let height = origin[1] + t * direction[1];
+            if let Some([bottom, top]) = self.span(at[0], at[1])
+                && (bottom - self.slack..=top + self.slack).contains(&height)
+            {
+                let share = if top > bottom { ((height - bottom) / (top - bottom)).clamp(0.0, 1.0) } else { 0.0 };
+                first = Some((t, wall as u32, [(place - low) / (high - low), share]));
+            }
+        }
+        first
+    }
+
+    fn lanes(&self, rays: &LaneRays) -> impl Iterator<Item = (usize, (f64, u32, [f64; 2]))> {
+        (0..LANES).filter(|lane| rays.active >> lane & 1 == 1).filter_map(|lane| {
+            let axes = [0, 1, 2];
+            let origin = axes.map(|axis| f64::from(rays.origin[axis][lane]));
+            let direction = axes.map(|axis| f64::from(rays.direction[axis][lane]));
+            let range = [f64::from(rays.tnear[lane]), f64::from(rays.tfar[lane])];
+            self.first(origin, direction, range).map(|hit| (lane, hit))
+        })
+    }
 }
 
 impl LaneSurface for Sides {
     fn bounds(&self) -> [Vec3; 2] {
-        [Vec3::ZERO; 2]
+        let [mut low, mut high] = self.water.bounds();
+        if let Some(bed) = &self.bed {
+            low.y = low.y.min(bed.bounds()[0].y);
+        }
+        let slack = Vec3::splat(self.slack as f32);
+        low -= slack;
+        high += slack;
+        [low, high]
     }
-    fn closest(&self, _rays: &LaneRays, _hits: &mut LaneHits, _counts: &mut SolveCounts) {}
-    fn occluded(&self, _rays: &LaneRays, _counts: &mut SolveCounts) -> u16 {
-        0
+
+    fn closest(&self, rays: &LaneRays, hits: &mut LaneHits, _counts: &mut SolveCounts) {
+        hits.hit = 0;
+        hits.gave_up = 0;
+        for (lane, (t, wall, place)) in self.lanes(rays) {
+            hits.hit |= 1 << lane;
+            hits.t[lane] = t as f32;
+            hits.primitive[lane] = wall;
+            hits.u[lane] = place[0] as f32;
+            hits.v[lane] = place[1] as f32;
+            let normal = WALLS[wall as usize].2;
+            for axis in 0..3 {
+                hits.normal[axis][lane] = normal[axis];
+            }
+        }
     }
+
+    fn occluded(&self, rays: &LaneRays, _counts: &mut SolveCounts) -> u16 {
+        self.lanes(rays).fold(0, |hit, (lane, _)| hit | 1 << lane)
+    }
+
     fn bytes(&self) -> u64 {
-        0
+        size_of::<Self>() as u64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::control::{self, tests::lake};
+    use super::super::tests::Random;
+    use super::*;
+    use crate::scene::{SolverKind, Surface};
+    use crate::simd::SimdLevel;
+
+    fn body(order: u32) -> (Arc<SplineSurface>, Arc<SplineSurface>, Sides) {
+        let settings = Surface { order, ..Default::default() };
+        let build = |lattice| Arc::new(SplineSurface::new(lattice, SolverKind::Univariate, SimdLevel::detect()));
+        let water = build(control::water(&lake(), &settings, [0.0; 3]).unwrap().unwrap());
+        let bed = build(control::bed(&lake(), &settings, [0.0; 3]).unwrap());
+        (water.clone(), bed.clone(), Sides::new(water, Some(bed)))
+    }
+
+    #[test]
+    fn a_wall_reaches_from_bed_to_surface() {
+        let (.., sides) = body(3);
+        // Columns are 1 m, the domain is 0..8; at z = 2.5 in the west the bed is 0 and the water 1.
+        let west = sides.first([-3.0, 0.5, 2.5], [1.0, 0.0, 0.0], [0.0, 100.0]).unwrap();
+        assert_eq!((west.0, west.1), (3.0, 0));
+        assert_eq!(sides.first([-3.0, 1.01, 2.5], [1.0, 0.0, 0.0], [0.0, 2.0]), None);
+        assert_eq!(sides.first([-3.0, 1.01, 2.5], [1.0, 0.0, 0.0], [0.0, 100.0]).map(|hit| hit.1), None);
+        // From inside it is hit as well, with the outward normal.
+        let mut rays = LaneRays::EMPTY;
+        rays.active = 1;
+        rays.tfar[0] = 100.0;
+        (rays.origin[0][0], rays.origin[1][0], rays.origin[2][0]) = (2.0, 0.5, 2.5);
+        rays.direction[2][0] = -2.0;
+        let mut hits = LaneHits::EMPTY;
+        sides.closest(&rays, &mut hits, &mut SolveCounts::default());
+        assert_eq!((hits.hit, hits.t[0], hits.primitive[0], hits.normal[2][0]), (1, 1.25, 2, -1.0));
+    }
+
+    #[test]
+    fn no_ray_leaves_the_closed_body() {
+        for order in 2..=4 {
+            let (water, bed, sides) = body(order);
+            let mut random = Random(order.into());
+            let mut rays = 0;
+            while rays < 70_000 {
+                let mut lanes = LaneRays::EMPTY;
+                for lane in 0..LANES {
+                    let (x, z) = (8.0 * random.next(), 8.0 * random.next());
+                    let (Some((top, _)), Some((bottom, _))) = (water.point(x, z), bed.point(x, z)) else { continue };
+                    // Not within rounding of a surface: there inside and outside cannot be told.
+                    let y = bottom + (top - bottom) * random.next();
+                    if y < bottom + 1e-4 || y > top - 1e-4 {
+                        continue;
+                    }
+                    let (rise, turn) = (2.0 * random.next() - 1.0, std::f64::consts::TAU * random.next());
+                    let level = (1.0f64 - rise * rise).sqrt();
+                    let mut direction = [level * turn.cos(), rise, level * turn.sin()];
+                    // One in four aims at an edge between a wall and the rest.
+                    if lane % 4 == 0 {
+                        let edge = 8.0 * random.next();
+                        let height = water.point(0.0, edge).map_or(0.5, |(height, _)| height);
+                        direction = [-x, height - y, edge - z];
+                    }
+                    for axis in 0..3 {
+                        lanes.origin[axis][lane] = [x, y, z][axis] as f32;
+                        lanes.direction[axis][lane] = direction[axis] as f32;
+                    }
+                    lanes.tfar[lane] = f32::INFINITY;
+                    lanes.tolerance[lane] = 1e-6;
+                    lanes.active |= 1 << lane;
+                    rays += 1;
+                }
+                let mut counts = SolveCounts::default();
+                let closed = [&*water as &dyn LaneSurface, &*bed, &sides]
+                    .iter()
+                    .fold(0, |hit, surface| hit | surface.occluded(&lanes, &mut counts));
+                assert_eq!(closed, lanes.active, "order {order}: {lanes:?}");
+            }
+        }
     }
 }
