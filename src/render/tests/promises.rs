@@ -8,7 +8,7 @@ use std::sync::{
 use super::*;
 use crate::output::Window;
 
-/// Some of everything, 40 by 36 pixels, 5 samples, sun and a lamp.
+/// Some of everything, 80 by 70 pixels, 5 samples, sun and a lamp.
 fn everything() -> Setup {
     let mut scene = Scene::default();
     scene.render.width = 80;
@@ -173,7 +173,7 @@ fn numbers_that_are_not_finite_never_reach_the_picture() {
 }
 
 #[test]
-fn more_samples_than_a_chunk_and_a_million_coincident_droplets_end() {
+fn more_samples_than_a_chunk_and_hundreds_of_coincident_droplets_end() {
     let mut scene = uniform(1.0, 1);
     scene.render.samples = 20_000;
     let droplets = Spheres { center: vec![Vec3::ZERO; 300], radius: vec![0.2; 300] };
