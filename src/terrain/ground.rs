@@ -136,12 +136,15 @@ impl Natural {
         }
 
         let reach = self.wet * (0.7 + 0.6 * ragged).max(0.1);
+        // Under water the renderer's own surface darkens the ground, by the same Fresnel terms as `wet`: once is enough.
         let wetness =
-            if point.water_depth > 0.0 { 1.0 } else { 1.0 - ramp(0.3 * reach, reach, point.height_above_water) };
+            if point.water_depth > 0.0 { 0.0 } else { 1.0 - ramp(0.3 * reach, reach, point.height_above_water) };
         if wetness > 0.0 {
             albedo = albedo.lerp(wet(albedo), wetness);
-            // A brown-green film grows on what stays under water.
-            let film = 0.35 * ramp(0.0, 1.5 * self.shore, -height);
+        }
+        // A brown-green film grows on what stays under water.
+        let film = 0.35 * ramp(0.0, 1.5 * self.shore, -height);
+        if film > 0.0 {
             albedo = albedo.lerp(albedo * rgb(0.92, 0.98, 0.72), film);
         }
 

@@ -1,5 +1,9 @@
 //! Scene and state → backend-neutral parts around a scene origin: the last place where anything is double precision.
 
+mod frame;
+
+pub use frame::{Environment, LowerError, LoweredFrame, View, lower, points_to_frame, scene_origin, to_world};
+
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};

@@ -1,0 +1,302 @@
+//! One frame of a scene → parts: the scene origin is chosen, everything is moved around it, and what the scene does not
+//! have is not built.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+
+use super::{Discs, Lowered, Material, Part, Shape, Spheres, Triangles};
+use crate::particles::{self, Spray};
+use crate::scene::{ParticleRepresentation, Representation, Scene};
+use crate::simd::SimdLevel;
+use crate::state::{Columns, Frame, Model};
+use crate::surface::tessellate::{self, MeshError, SurfaceMesh};
+use crate::surface::{LatticeError, Sides, SplineSurface, control, quads};
+use crate::terrain::{self, Mesh, MeshAlbedo, TerrainError};
+
+/// Why a frame cannot be lowered.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LowerError {
+    /// The water or the bed cannot be a spline.
+    #[error(transparent)]
+    Lattice(#[from] LatticeError),
+    /// The tessellated water is too large.
+    #[error("surface.samples: {0}")]
+    Mesh(#[from] MeshError),
+    /// A mesh, panel or sphere.
+    #[error(transparent)]
+    Terrain(#[from] TerrainError),
+    /// Something lies too far from the scene origin for single precision.
+    #[error("{name} reaches {distance:e} m from the middle of the columns; expected less than 1e15 m")]
+    TooFar {
+        /// The part.
+        name: String,
+        /// How far (m).
+        distance: f64,
+    },
+}
+
+/// What does not move, read once for all frames.
+#[derive(Clone, Debug, Default)]
+pub struct Environment {
+    /// Named meshes in the files' frame: `panel_0` …, mesh files by their stem.
+    pub meshes: Vec<(String, Mesh)>,
+    /// Spheres.
+    pub spheres: Vec<crate::state::Sphere>,
+}
+
+impl Environment {
+    /// Reads the model's meshes (relative to `model_directory`) and the scene's own.
+    ///
+    /// # Errors
+    /// A mesh that cannot be read, a panel without area.
+    pub fn load(model: &Model, model_directory: &Path, meshes: &[PathBuf]) -> Result<Self, LowerError> {
+        let mut environment = Self { meshes: Vec::new(), spheres: model.spheres.clone() };
+        for (index, panel) in model.panels.iter().enumerate() {
+            environment.meshes.push((format!("panel_{index}"), terrain::panel(panel)?));
+        }
+        let files = model.meshes.iter().map(|path| model_directory.join(path)).chain(meshes.iter().cloned());
+        for path in files {
+            let stem = path.file_stem().map_or_else(|| "mesh".to_owned(), |stem| stem.to_string_lossy().into_owned());
+            let taken = |name: &str| environment.meshes.iter().any(|(other, _)| other == name);
+            // Two files of one stem keep apart by a number.
+            let name = (1..)
+                .map(|n| if n == 1 { stem.clone() } else { format!("{stem}_{n}") })
+                .find(|name| !taken(name))
+                .unwrap_or(stem.clone());
+            environment.meshes.push((name, terrain::load_mesh(&path)?));
+        }
+        Ok(environment)
+    }
+}
+
+/// From where the frame is seen, for what depends on it: billboards and the screen error of a tessellation.
+#[derive(Clone, Copy, Debug)]
+pub struct View {
+    /// The eye in the files' frame (m).
+    pub eye: DVec3,
+    /// Width of a pixel (radians).
+    pub pixel_angle: f64,
+}
+
+/// A lowered frame and what was made on the way, for shading and statistics.
+#[derive(Clone, Debug)]
+pub struct LoweredFrame {
+    /// The parts.
+    pub lowered: Lowered,
+    /// The water as a spline, whatever it is drawn as; `None` if all is dry or water is not visible.
+    pub water: Option<Arc<SplineSurface>>,
+    /// The bed as a spline; `None` if terrain is not visible.
+    pub bed: Option<Arc<SplineSurface>>,
+    /// The spray that is drawn.
+    pub spray: Arc<Spray>,
+}
+
+/// The scene origin for a map of columns: its middle, on a grid of powers of two near the column width, so that
+/// coordinates which are short in binary stay short.
+pub fn scene_origin(columns: &Columns) -> DVec3 {
+    let narrow = columns.width[0].min(columns.width[1]);
+    let grain = narrow.log2().floor().exp2();
+    let snap = |value: f64| {
+        let snapped = (value / grain).round() * grain;
+        if snapped.is_finite() { snapped } else { value }
+    };
+    let middle = |axis: usize, count: usize| columns.origin[axis] + columns.width[axis] * (count - 1) as f64 * 0.5;
+    let (low, high) = columns
+        .base
+        .iter()
+        .chain(&columns.top)
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &height| (low.min(height), high.max(height)));
+    let level = if low <= high { low + (high - low) * 0.5 } else { 0.0 };
+    DVec3::new(snap(middle(0, columns.nx)), snap(level), snap(middle(1, columns.nz)))
+}
+
+/// Lowers a frame.
+///
+/// # Errors
+/// See [`LowerError`].
+pub fn lower(
+    scene: &Scene,
+    frame: &Frame,
+    environment: &Environment,
+    view: Option<View>,
+    simd: SimdLevel,
+) -> Result<LoweredFrame, LowerError> {
+    let columns = &frame.columns;
+    let origin = scene_origin(columns);
+    let settings = &scene.surface;
+    let spline = |lattice| Arc::new(SplineSurface::new(lattice, settings.solver, simd));
+    let water =
+        if scene.water.visible { control::water(columns, settings, origin.to_array())?.map(spline) } else { None };
+    let bed =
+        if scene.terrain.visible { Some(spline(control::bed(columns, settings, origin.to_array())?)) } else { None };
+    let mut parts = Vec::new();
+    let mut add = |name: &str, material: Material, shape: Shape| {
+        parts.push(Part { name: name.to_owned(), material, shape });
+    };
+    if let Some(water) = &water {
+        let local_eye = view.map(|view| (view.eye - origin, view.pixel_angle));
+        match settings.representation {
+            Representation::Spline => add("water", Material::Water, Shape::Surface(Arc::clone(water))),
+            Representation::Quads => {
+                let mesh = quads::strips(columns, settings.dry_threshold, origin);
+                add("water", Material::Water, Shape::Triangles(Arc::new(triangles(mesh))));
+            }
+            Representation::Tessellated => {
+                let mesh = match (settings.screen_error, local_eye) {
+                    (Some(pixels), Some((eye, angle))) => {
+                        let size = |x: f64, y: f64, z: f64| (DVec3::new(x, y, z) - eye).length() * angle;
+                        let samples = tessellate::screen_samples(water, pixels, 64, size);
+                        tessellate::adaptive(water, samples)?
+                    }
+                    _ => tessellate::uniform(water, settings.samples)?,
+                };
+                add("water", Material::Water, Shape::Triangles(Arc::new(triangles(mesh))));
+            }
+        }
+        // The report's quadrilaterals end between column centres: walls at the domain's edge would stand apart.
+        if settings.representation != Representation::Quads {
+            let sides = Sides::new(Arc::clone(water), bed.clone());
+            add("water_sides", Material::Water, Shape::Sides(Arc::new(sides)));
+        }
+    }
+    if let Some(bed) = &bed {
+        add("terrain", Material::Ground, Shape::Surface(Arc::clone(bed)));
+    }
+    let spray = Arc::new(match scene.particles.representation {
+        ParticleRepresentation::None => Spray::default(),
+        _ => Spray::build(&frame.particles, &scene.particles, origin),
+    });
+    if !spray.is_empty() {
+        let (center, radius) = (spray.position.clone(), spray.radius.clone());
+        let shape = match (scene.particles.representation, view) {
+            (ParticleRepresentation::Billboards, Some(view)) => {
+                let normal = particles::facing(&spray, (view.eye - origin).as_vec3()).normal;
+                Shape::Discs(Arc::new(Discs { center, radius, normal }))
+            }
+            _ => Shape::Spheres(Arc::new(Spheres { center, radius })),
+        };
+        add("spray", Material::Spray, shape);
+    }
+    for (index, sphere) in environment.spheres.iter().enumerate() {
+        let ball = terrain::ball(sphere, origin)?;
+        let shape = Spheres { center: vec![ball.center], radius: vec![ball.radius] };
+        add(&format!("sphere_{index}"), Material::Diffuse(ball.albedo), Shape::Spheres(Arc::new(shape)));
+    }
+    for (name, mesh) in &environment.meshes {
+        let farthest = mesh.position.iter().map(|&p| (p - origin).abs().max_element()).fold(0.0, f64::max);
+        // Beyond this, products of three single-precision coordinates overflow.
+        if farthest >= 1e15 {
+            return Err(LowerError::TooFar { name: name.clone(), distance: farthest });
+        }
+        let material = match &mesh.albedo {
+            MeshAlbedo::Uniform(albedo) => Material::Diffuse(*albedo),
+            MeshAlbedo::PerVertex(albedo) => Material::VertexColours(Arc::new(albedo.clone())),
+        };
+        let shape = Triangles {
+            position: mesh.positions_around(origin),
+            normal: mesh.normal.clone(),
+            index: mesh.index.clone(),
+        };
+        add(name, material, Shape::Triangles(Arc::new(shape)));
+    }
+    Ok(LoweredFrame { lowered: Lowered { origin, parts }, water, bed, spray })
+}
+
+fn triangles(mesh: SurfaceMesh) -> Triangles {
+    Triangles { position: mesh.position, normal: mesh.normal, index: mesh.index }
+}
+
+/// Points that a camera without a place of its own should see (files' frame, m): the wet columns' tops, or all bases
+/// where everything is dry.
+pub fn points_to_frame(columns: &Columns, dry_threshold: f64) -> Vec<DVec3> {
+    let wet = control::wet(columns, dry_threshold);
+    let any = wet.contains(&true);
+    let point = |index: usize, height: f64| {
+        let (x, z) = (index % columns.nx, index / columns.nx);
+        DVec3::new(
+            columns.origin[0] + columns.width[0] * x as f64,
+            height,
+            columns.origin[1] + columns.width[1] * z as f64,
+        )
+    };
+    (0..wet.len())
+        .filter(|&index| wet[index] || !any)
+        .map(|index| point(index, if any { columns.top[index] } else { columns.base[index] }))
+        .collect()
+}
+
+/// A position of the local frame in the files' frame (m).
+pub fn to_world(lowered: &Lowered, position: Vec3) -> DVec3 {
+    lowered.origin + position.as_dvec3()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::state::{Panel, Particles, Sphere};
+    use crate::surface::LaneSurface;
+
+    fn frame(offset: f64) -> Frame {
+        let (nx, nz) = (6, 5);
+        Frame {
+            columns: Columns {
+                origin: [offset, offset],
+                width: [0.5, 0.25],
+                nx,
+                nz,
+                base: vec![0.0; nx * nz],
+                top: vec![1.0; nx * nz],
+                pressure: vec![0.0; nx * nz],
+                flow: vec![[0.0; 2]; nx * nz],
+            },
+            particles: Particles {
+                position: vec![[offset, 2.0, offset]],
+                velocity: vec![[0.0; 3]],
+                mass: vec![0.1],
+                age: vec![0.0],
+                id: None,
+            },
+            ..Frame::default()
+        }
+    }
+
+    fn names(lowered: &Lowered) -> Vec<&str> {
+        lowered.parts.iter().map(|part| part.name.as_str()).collect()
+    }
+
+    #[test]
+    fn parts_carry_the_names_of_the_format() {
+        let square = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 0.0, 0.0]];
+        let model = Model {
+            panels: vec![Panel { corners: square, albedo: [0.5; 3] }],
+            spheres: vec![Sphere { center: [0.0; 3], radius: 1.0, albedo: [0.5; 3] }],
+            meshes: Vec::new(),
+        };
+        let environment = Environment::load(&model, Path::new("."), &[]).unwrap();
+        let lowered = lower(&Scene::default(), &frame(0.0), &environment, None, SimdLevel::Portable).unwrap();
+        assert_eq!(names(&lowered.lowered), ["water", "water_sides", "terrain", "spray", "sphere_0", "panel_0"]);
+    }
+
+    #[test]
+    fn what_a_scene_does_not_have_is_not_built() {
+        let mut scene = Scene::default();
+        scene.terrain.visible = false;
+        scene.particles.representation = ParticleRepresentation::None;
+        let mut dry = frame(0.0);
+        dry.columns.top = dry.columns.base.clone();
+        let lowered = lower(&scene, &dry, &Environment::default(), None, SimdLevel::Portable).unwrap();
+        assert!(lowered.lowered.parts.is_empty() && lowered.water.is_none() && lowered.bed.is_none());
+    }
+
+    #[test]
+    fn utm_offsets_do_not_move_the_local_frame() {
+        let near = lower(&Scene::default(), &frame(0.0), &Environment::default(), None, SimdLevel::Portable).unwrap();
+        let far = lower(&Scene::default(), &frame(1e6), &Environment::default(), None, SimdLevel::Portable).unwrap();
+        assert_eq!(near.water.unwrap().bounds(), far.water.unwrap().bounds());
+        assert_eq!(near.spray.position, far.spray.position);
+        assert_eq!(far.lowered.origin.x - near.lowered.origin.x, 1e6);
+    }
+}
