@@ -101,9 +101,10 @@ pub struct RenderArgs {
     /// The scene and its overrides.
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// The picture: .exr .png .jpg .bmp; #### is the frame number [default: named after the scene, in this folder]
+    /// The picture: .exr .png .jpg .bmp .tif; #### is the frame number (repeatable) [default: an EXR named after the
+    /// scene, in this folder]
     #[arg(short, long, value_name = "OUT")]
-    pub output: Option<PathBuf>,
+    pub output: Vec<PathBuf>,
     /// Render one frame [default: all]
     #[arg(long, value_name = "N", conflicts_with = "frames", value_parser = clap::value_parser!(i64).range(0..))]
     pub frame: Option<i64>,

@@ -3,10 +3,12 @@
 pub mod args;
 pub mod bench;
 pub mod errors;
+pub mod load;
 pub mod progress;
 pub mod render;
 pub mod schema;
 pub mod signals;
+pub mod stats;
 pub mod trace;
 pub mod values;
 

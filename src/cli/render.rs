@@ -1,14 +1,289 @@
-//! TEMPORARY: `whitewater render` has not landed yet. This file is to be replaced whole.
+//! `whitewater render`: a scene's frames, one after another, each to its files.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::Context;
+use glam::DVec3;
 
 use super::args::RenderArgs;
 use super::errors::{CliError, Outcome};
-use crate::scene;
+use super::load;
+use super::progress::{Progress, local_now};
+use super::signals::StopFlag;
+use super::stats::{FrameStats, RunStats, part_names};
+use crate::accel;
+use crate::lower::{self, Environment, LoweredFrame, View};
+use crate::optics::Sky;
+use crate::output::{self, Picture, Window, WriteOptions, WriteReport, layers, naming};
+use crate::render::{self, Camera, CameraPath, Job, Looks};
+use crate::scene::{self, LoadedScene};
+use crate::simd::SimdLevel;
+use crate::state::{Columns, Frame, FrameSequence};
+use crate::surface::{SplineSurface, control};
+use crate::terrain::{Ground, SkyView, Waterline};
 
-/// Reads the scene.
+/// What all frames of a run share.
+struct Run<'a> {
+    arguments: &'a RenderArgs,
+    loaded: LoadedScene,
+    frames: FrameSequence,
+    numbers: Vec<i64>,
+    outputs: Vec<PathBuf>,
+    options: WriteOptions,
+    environment: Environment,
+    sky: Sky,
+    path: CameraPath,
+    crop: Option<Window>,
+    simd: SimdLevel,
+    threads: usize,
+}
+
+/// Runs the command.
 ///
 /// # Errors
-/// Those of the scene; without any, that the command has not landed.
+/// Whatever can be known before the first frame; and a frame's own error if it was the only one.
 pub fn run(arguments: &RenderArgs) -> Result<Outcome, CliError> {
-    scene::load(&arguments.scene.scene, &arguments.overrides())?;
-    Err(anyhow::anyhow!("render has not landed").into())
+    let stop = StopFlag::install().map_err(CliError::Signals)?;
+    let start = Instant::now();
+    let run = prepare(arguments)?;
+    let mut stats = RunStats {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        scene: run.loaded.hash.clone(),
+        simd: run.simd.name().to_owned(),
+        threads: run.threads,
+        load_s: start.elapsed().as_secs_f64(),
+        ..RunStats::default()
+    };
+    let progress = Progress::new(arguments.quiet, run.numbers.len());
+    let size = &run.loaded.scene.render;
+    let mut outcome = Outcome::Done;
+    for (index, &number) in run.numbers.iter().enumerate() {
+        if let Some(signal) = stop.signal() {
+            outcome = Outcome::Stopped(signal);
+            break;
+        }
+        progress.start(index + 1, number, size.width, size.height);
+        match frame(&run, number, &stop, &progress) {
+            Ok(frame) => {
+                let names: Vec<String> = frame.files.iter().map(|file| file.path.display().to_string()).collect();
+                progress.finish(&format!("wrote {}", names.join(", ")));
+                stats.add(frame);
+            }
+            Err(error) if run.numbers.len() == 1 => {
+                progress.finish("lost");
+                return Err(error);
+            }
+            Err(error) => {
+                progress.finish("lost");
+                tracing::error!("frame {number} is lost: {error}");
+                stats.lost.push((number, error.to_string()));
+                outcome = Outcome::FramesLost;
+            }
+        }
+        if let Some(signal) = stop.signal() {
+            outcome = Outcome::Stopped(signal);
+            break;
+        }
+    }
+    if stats.gave_up > 0 {
+        tracing::warn!("the solver gave up on {} rays; they count as misses", stats.gave_up);
+    }
+    if stats.nonfinite > 0 {
+        tracing::warn!("{} contributions were not finite and were dropped", stats.nonfinite);
+    }
+    if let Some(path) = &arguments.stats {
+        stats.save(path)?;
+    }
+    Ok(outcome)
+}
+
+/// Everything that can be read and checked before the first frame.
+fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
+    let simd = arguments.simd.level()?;
+    let loaded = scene::load(&arguments.scene.scene, &arguments.overrides())?;
+    let settings = &loaded.scene;
+    let crop = match arguments.crop {
+        Some(crop) => Some(
+            crop.window(settings.render.width, settings.render.height)
+                .map_err(|problem| CliError::Option { option: "--crop", problem })?,
+        ),
+        None => None,
+    };
+    let threads = arguments.threads.or(std::thread::available_parallelism().ok()).map_or(1, std::num::NonZero::get);
+    // Embree's builds and EXR's compression follow the global pool; a program that calls twice keeps its first.
+    let _ = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+    let options = WriteOptions {
+        reproducible: arguments.reproducible,
+        captured: Some(local_now()),
+        ..WriteOptions::from_scene(&settings.output)
+    };
+    if let Some(names) = &arguments.layers {
+        layers::check(names).map_err(anyhow::Error::from)?;
+    }
+    let frames = load::frames(&loaded)?;
+    let numbers = match arguments.selection() {
+        Some(selection) => selection.numbers().to_vec(),
+        None => frames.iter().map(|(number, _)| number).collect(),
+    };
+    let missing: Vec<String> =
+        numbers.iter().filter(|&&number| frames.path(number).is_none()).map(i64::to_string).collect();
+    if !missing.is_empty() {
+        let (first, last) = (frames.first(), frames.last());
+        return Err(anyhow::anyhow!(
+            "{}: there is no frame {}; there are {} from {first} to {last}",
+            settings.frames.files,
+            missing.join(", "),
+            frames.len()
+        )
+        .into());
+    }
+    for output in &arguments.output {
+        naming::check_frames(output, numbers.len()).map_err(anyhow::Error::from)?;
+        for &number in &numbers {
+            output::check(&naming::with_frame(output, number), &options).map_err(anyhow::Error::from)?;
+        }
+    }
+    let environment = load::environment(&loaded, &frames)?;
+    let sky = Sky::build(&settings.sky, &settings.sun, &loaded.directory).map_err(anyhow::Error::from)?;
+    let path = camera_path(&loaded, &frames)?;
+    Ok(Run {
+        arguments,
+        outputs: arguments.output.clone(),
+        frames,
+        numbers,
+        options,
+        environment,
+        sky,
+        path,
+        crop,
+        simd,
+        threads,
+        loaded,
+    })
+}
+
+/// The camera over all frames. Without a place of its own it is framed on the sequence's first frame, whichever frames
+/// are asked for: so it stands still, and a frame rendered alone looks the same.
+fn camera_path(loaded: &LoadedScene, frames: &FrameSequence) -> Result<CameraPath, CliError> {
+    let camera = &loaded.scene.camera;
+    let settings = &loaded.scene.render;
+    let placed = !camera.key.is_empty() || (camera.eye.is_some() && camera.look_at.is_some());
+    let first = if placed { None } else { Some(load::frame(loaded, frames, frames.first())?) };
+    let path = CameraPath::from_scene(camera, || {
+        let columns = first.as_ref().map_or_else(Columns::default, |frame| frame.columns.clone());
+        let points = lower::points_to_frame(&columns, loaded.scene.surface.dry_threshold);
+        let bed = control::bed(&columns, &loaded.scene.surface, [0.0; 3])
+            .ok()
+            .map(|lattice| SplineSurface::new(lattice, scene::SolverKind::Reference, SimdLevel::Portable));
+        let ground = |x: f64, z: f64| bed.as_ref()?.point(x, z).map(|(height, _)| height);
+        let aspect = f64::from(settings.width) / f64::from(settings.height);
+        render::frame_points(&points, &ground, aspect, camera.fov)
+    });
+    Ok(path.map_err(anyhow::Error::from)?)
+}
+
+/// One frame from its file to its pictures.
+fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result<FrameStats, CliError> {
+    let settings = &run.loaded.scene;
+    let clock = Instant::now();
+    let state = load::frame(&run.loaded, &run.frames, number)?;
+    let load_s = clock.elapsed().as_secs_f64();
+
+    let clock = Instant::now();
+    let size = (settings.render.width, settings.render.height);
+    let camera = Camera::new(run.path.pose(number as f64), size, settings.camera.f_number);
+    let view = View { eye: camera.pose.eye, pixel_angle: camera.pixel_angle() };
+    let lowered =
+        lower::lower(settings, &state, &run.environment, Some(view), run.simd).map_err(anyhow::Error::from)?;
+    let accelerator =
+        accel::build(&lowered.lowered, settings.accel.water, settings.accel.objects).map_err(anyhow::Error::from)?;
+    let matter = MatterOfFrame::new(settings, &state, &lowered);
+    let build_s = clock.elapsed().as_secs_f64();
+
+    let clock = Instant::now();
+    let job = Job {
+        scene: settings,
+        lowered: &lowered.lowered,
+        accelerator: &*accelerator,
+        matter: &matter.looks(&lowered),
+        sky: &run.sky,
+        path: &run.path,
+        frame: number,
+        crop: run.crop,
+        threads: run.threads,
+    };
+    let (mut picture, render) = render::render_frame(&job, stop.flag(), progress).map_err(anyhow::Error::from)?;
+    let render_s = clock.elapsed().as_secs_f64();
+
+    let clock = Instant::now();
+    let files = write(run, number, &mut picture)?;
+    Ok(FrameStats {
+        frame: number,
+        load_s,
+        build_s,
+        render_s,
+        write_s: clock.elapsed().as_secs_f64(),
+        parts: part_names(&lowered.lowered),
+        accelerator: accelerator.stats(),
+        particles_left_out: lowered.spray.without_size + lowered.spray.out_of_range,
+        render,
+        files,
+    })
+}
+
+/// Writes the picture to all its files; a picture that was stopped goes to names that say so.
+fn write(run: &Run, number: i64, picture: &mut Picture) -> Result<Vec<WriteReport>, CliError> {
+    let settings = &run.loaded.scene;
+    picture.metadata.owner = settings.output.owner.clone();
+    picture.metadata.comments = settings.output.comments.clone();
+    picture.metadata.scene_hash = run.loaded.hash.clone();
+    let names = run.arguments.layers.clone().unwrap_or_default();
+    layers::select(picture, &names).map_err(anyhow::Error::from)?;
+    let when = run.options.captured.unwrap_or_else(local_now);
+    let by_default =
+        [PathBuf::from(naming::default_name(&run.loaded.path, number, settings.surface.representation.name(), when))];
+    let patterns: &[PathBuf] = if run.outputs.is_empty() { &by_default } else { &run.outputs };
+    let mut files = Vec::new();
+    for pattern in patterns {
+        let path = naming::with_frame(pattern, number);
+        let path = if picture.metadata.complete { path } else { naming::partial(&path) };
+        files.push(write_one(picture, &path, &run.options)?);
+    }
+    Ok(files)
+}
+
+fn write_one(picture: &Picture, path: &Path, options: &WriteOptions) -> Result<WriteReport, CliError> {
+    Ok(output::write(picture, path, options).with_context(|| format!("cannot write {}", path.display()))?)
+}
+
+/// The looks of one frame, owned.
+struct MatterOfFrame {
+    ground: Ground,
+    waterline: Waterline,
+    sky_view: SkyView,
+}
+
+impl MatterOfFrame {
+    fn new(settings: &scene::Scene, state: &Frame, lowered: &LoweredFrame) -> Self {
+        let columns = &state.columns;
+        let origin: DVec3 = lowered.lowered.origin;
+        let width = columns.width[0].min(columns.width[1]);
+        Self {
+            ground: Ground::build(&settings.terrain, width, origin),
+            waterline: Waterline::build(columns, settings.surface.dry_threshold, origin),
+            sky_view: SkyView::build(columns, origin),
+        }
+    }
+
+    fn looks<'a>(&'a self, lowered: &'a LoweredFrame) -> Looks<'a> {
+        Looks {
+            ground: &self.ground,
+            waterline: &self.waterline,
+            sky_view: &self.sky_view,
+            spray: &lowered.spray,
+            water: lowered.water.as_deref(),
+            bed: lowered.bed.as_deref(),
+        }
+    }
 }

@@ -78,6 +78,17 @@ pub enum Representation {
     Spline,
 }
 
+impl Representation {
+    /// The name a scene file uses.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Quads => "quads",
+            Self::Tessellated => "tessellated",
+            Self::Spline => "spline",
+        }
+    }
+}
+
 /// Ray/patch solvers by name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
