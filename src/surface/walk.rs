@@ -37,7 +37,7 @@ macro_rules! per_axis {
 /// Level at which a ray that enters from outside begins: it descends sooner than it would climb.
 const ENTRY_LEVEL: i32 = 5;
 /// Level at which a ray that begins within the bounds begins: it has just left the surface, or is about to hit it.
-const INSIDE_LEVEL: i32 = 1;
+const INSIDE_LEVEL: i32 = 2;
 
 /// One packet of rays against one surface.
 pub(super) struct Walk<'a, P, const K: usize, const D: usize, const ANY: bool> {
@@ -275,7 +275,7 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
                 leave = s.select(arrives, to, leave);
                 crosses_x = (crosses_x & !arrives) | (x_first & arrives);
                 let count = s.bits(waiting).count_ones();
-                if count * 2 > s.bits(active).count_ones() {
+                if count * 3 > s.bits(active).count_ones() * 2 {
                     break;
                 }
             }
