@@ -94,11 +94,6 @@ impl Simd for Avx2 {
         with_token!(I(_mm256_set1_epi32(value)))
     }
     #[inline(always)]
-    fn load_int(self, from: &[i32]) -> I {
-        let from = &from[..8];
-        with_token!(I(_mm256_loadu_si256(from.as_ptr().cast())))
-    }
-    #[inline(always)]
     fn store_int(self, value: I, to: &mut [i32]) {
         let to = &mut to[..8];
         with_token!(_mm256_storeu_si256(to.as_mut_ptr().cast(), value.0))

@@ -105,11 +105,6 @@ impl Simd for Avx512 {
         with_token!(I(_mm512_set1_epi32(value)))
     }
     #[inline(always)]
-    fn load_int(self, from: &[i32]) -> I {
-        let from = &from[..16];
-        with_token!(I(_mm512_loadu_si512(from.as_ptr().cast())))
-    }
-    #[inline(always)]
     fn store_int(self, value: I, to: &mut [i32]) {
         let to = &mut to[..16];
         with_token!(_mm512_storeu_si512(to.as_mut_ptr().cast(), value.0))

@@ -101,8 +101,6 @@ pub(crate) trait Simd: Copy + Send + Sync + 'static {
     fn store(self, value: Self::F, to: &mut [f32]);
     /// One integer in every lane.
     fn splat_int(self, value: i32) -> Self::I;
-    /// The first `LANES` of a slice of integers.
-    fn load_int(self, from: &[i32]) -> Self::I;
     /// Into the first `LANES` of a slice of integers.
     fn store_int(self, value: Self::I, to: &mut [i32]);
 

@@ -87,11 +87,6 @@ impl Simd for Portable {
         I([value; N])
     }
     #[inline(always)]
-    fn load_int(self, from: &[i32]) -> I {
-        let from = &from[..N];
-        I(from_fn(|lane| from[lane]))
-    }
-    #[inline(always)]
     fn store_int(self, value: I, to: &mut [i32]) {
         to[..N].copy_from_slice(&value.0);
     }

@@ -6,7 +6,7 @@ use super::*;
 struct Operations<'a> {
     a: &'a [f32; 16],
     b: &'a [f32; 16],
-    i: &'a [i32; 16],
+    i: &'a [f32; 16],
     table: &'a [i32; 16],
     data: &'a [u32],
     heights: &'a [f32],
@@ -19,7 +19,7 @@ impl Kernel for Operations<'_> {
         let mut out = vec![Vec::new(); 24];
         for start in (0..16).step_by(S::LANES) {
             let (a, b) = (s.load(&self.a[start..]), s.load(&self.b[start..]));
-            let i = s.load_int(&self.i[start..]);
+            let i = s.floor_int(s.load(&self.i[start..]));
             let mut floats = vec![0.0; S::LANES];
             let mut ints = vec![0; S::LANES];
             let mut slot = 0;
@@ -71,7 +71,7 @@ impl Kernel for Operations<'_> {
 fn every_level_agrees_with_the_portable_one_bit_for_bit() {
     let a: [f32; 16] = std::array::from_fn(|i| (i as f32 - 7.5) * 1.37);
     let b: [f32; 16] = std::array::from_fn(|i| ((i * 7 + 3) % 16) as f32 - 6.25);
-    let i: [i32; 16] = std::array::from_fn(|i| if i % 5 == 4 { -(i as i32) } else { i as i32 * 3 });
+    let i: [f32; 16] = std::array::from_fn(|i| if i % 5 == 4 { -(i as f32) } else { i as f32 * 3.0 });
     let table = std::array::from_fn(|i| i as i32 * 11 - 40);
     let data: Vec<u32> = (0..20).map(|k| k * k + 1).collect();
     let heights: Vec<f32> = (0..25).map(|k| k as f32 * 0.5).collect();

@@ -21,6 +21,8 @@ pub struct Sides {
     bed: Option<Arc<SplineSurface>>,
     /// Room for rounding along the walls (m).
     slack: f64,
+    /// Box around the walls.
+    bounds: [Vec3; 2],
 }
 
 impl Sides {
@@ -29,7 +31,10 @@ impl Sides {
         // Single-precision rays are rounded to this much at the domain's far corner.
         let [low, high] = water.bounds();
         let slack = 4.0 * f64::from(f32::EPSILON) * f64::from(low.abs().max(high.abs()).max_element());
-        Self { water, bed, slack }
+        let floor = bed.as_ref().map_or(low.y, |bed| low.y.min(bed.bounds()[0].y));
+        let room = Vec3::splat(slack as f32);
+        let bounds = [low.with_y(floor) - room, high + room];
+        Self { water, bed, slack, bounds }
     }
 
     /// Heights of bed and water over a point of the domain's edge; `None` where there is no water.
@@ -71,8 +76,36 @@ impl Sides {
         first
     }
 
+    /// Lanes that may hit a wall, in single precision with room to spare: most rays meet none, and this sees it sixteen
+    /// at a time.
+    fn candidates(&self, rays: &LaneRays) -> u16 {
+        let [low, high] = self.bounds;
+        // A ten-thousandth of the body is far more than single precision loses on the way from its edge; rays from
+        // afar lose in proportion to their way.
+        let room = 1e-4 * (high - low).max_element();
+        let mut near = [false; LANES];
+        for (axis, end, _) in WALLS {
+            let (across, along) = if axis == 0 { (0, 2) } else { (2, 0) };
+            let plane = if end == 0 { low[across] + self.slack as f32 } else { high[across] - self.slack as f32 };
+            for lane in 0..LANES {
+                let t = (plane - rays.origin[across][lane]) / rays.direction[across][lane];
+                let (rise, run) = (t * rays.direction[1][lane], t * rays.direction[along][lane]);
+                let (y, place) = (rays.origin[1][lane] + rise, rays.origin[along][lane] + run);
+                let give = room + 1e-6 * (rise.abs() + run.abs());
+                near[lane] |= (t >= 0.0)
+                    & (t * 0.999 <= rays.tfar[lane])
+                    & (y >= low.y - give)
+                    & (y <= high.y + give)
+                    & (place >= low[along] - give)
+                    & (place <= high[along] + give);
+            }
+        }
+        (0..LANES).fold(0, |bits, lane| bits | u16::from(near[lane]) << lane) & rays.active
+    }
+
     fn lanes(&self, rays: &LaneRays) -> impl Iterator<Item = (usize, (f64, u32, [f64; 2]))> {
-        (0..LANES).filter(|lane| rays.active >> lane & 1 == 1).filter_map(|lane| {
+        let candidates = self.candidates(rays);
+        (0..LANES).filter(move |lane| candidates >> lane & 1 == 1).filter_map(|lane| {
             let axes = [0, 1, 2];
             let origin = axes.map(|axis| f64::from(rays.origin[axis][lane]));
             let direction = axes.map(|axis| f64::from(rays.direction[axis][lane]));
@@ -84,14 +117,7 @@ impl Sides {
 
 impl LaneSurface for Sides {
     fn bounds(&self) -> [Vec3; 2] {
-        let [mut low, mut high] = self.water.bounds();
-        if let Some(bed) = &self.bed {
-            low.y = low.y.min(bed.bounds()[0].y);
-        }
-        let slack = Vec3::splat(self.slack as f32);
-        low -= slack;
-        high += slack;
-        [low, high]
+        self.bounds
     }
 
     fn closest(&self, rays: &LaneRays, hits: &mut LaneHits, _counts: &mut SolveCounts) {

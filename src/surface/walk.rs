@@ -52,8 +52,8 @@ pub(super) struct Walk<'a, P, const K: usize, const D: usize, const ANY: bool> {
 
 /// Where each lane starts, in the surface's own terms.
 struct Start {
-    /// Cell of the start.
-    cell: [[i32; LANES]; 2],
+    /// Cell of the start: whole numbers.
+    cell: [[f32; LANES]; 2],
     /// Offset within it, 0..1.
     offset: [[f32; LANES]; 2],
     /// Cells per t.
@@ -66,14 +66,12 @@ struct Start {
     rise: [f32; LANES],
     /// t of the start on the ray as given.
     base: [f64; LANES],
-    /// Length of the walk, in t.
+    /// Length of the walk, in t; negative for a ray that misses the surface's box.
     length: [f32; LANES],
     /// Tolerance at the start.
     tolerance: [f32; LANES],
-    /// Level to begin with.
-    level: [i32; LANES],
-    /// Lanes that meet the surface's box.
-    meets: u32,
+    /// Positive where the ray entered the box from outside.
+    entered: [f32; LANES],
 }
 
 impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Kernel for Walk<'_, P, K, D, ANY> {
@@ -82,8 +80,9 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Kernel for
     fn run<S: Simd>(mut self, simd: S) {
         let start = self.start();
         for first in (0..LANES).step_by(S::LANES) {
-            let lanes = (start.meets >> first) & (u32::MAX >> (32 - S::LANES));
-            if lanes != 0 {
+            let asked = simd.from_bits(u32::from(self.rays.active) >> first);
+            let lanes = asked & simd.le(simd.splat(0.0), simd.load(&start.length[first..]));
+            if simd.any(lanes) {
                 self.walk(simd, &start, first, lanes);
             }
         }
@@ -91,11 +90,32 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Kernel for
 }
 
 impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P, K, D, ANY> {
-    /// Clips each ray to the surface's box and moves it there, in double precision.
+    /// Clips each ray to the surface's box and moves it there, in double precision. Loops over lanes, one plain
+    /// expression each, that compilers turn into vectors.
     #[inline(always)]
     fn start(&self) -> Start {
+        let (lattice, rays) = (self.lattice, self.rays);
+        let inverse_width = [1.0 / lattice.width[0], 1.0 / lattice.width[1]];
+        let (mut near, mut far) = ([0.0; LANES], [0.0; LANES]);
+        let (mut origin, mut direction) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+        for lane in 0..LANES {
+            near[lane] = f64::from(rays.tnear[lane]);
+            far[lane] = f64::from(rays.tfar[lane]);
+            origin[0][lane] = (f64::from(rays.origin[0][lane]) - lattice.corner[0]) * inverse_width[0];
+            origin[1][lane] = (f64::from(rays.origin[2][lane]) - lattice.corner[1]) * inverse_width[1];
+            origin[2][lane] = f64::from(rays.origin[1][lane]);
+            direction[0][lane] = f64::from(rays.direction[0][lane]) * inverse_width[0];
+            direction[1][lane] = f64::from(rays.direction[2][lane]) * inverse_width[1];
+            direction[2][lane] = f64::from(rays.direction[1][lane]);
+        }
+        let tnear = near;
+        let low = [lattice.domain[0][0], lattice.domain[0][1], self.range[0]];
+        let high = [lattice.domain[1][0], lattice.domain[1][1], self.range[1]];
+        for axis in 0..3 {
+            clip(&mut near, &mut far, &origin[axis], &direction[axis], [low[axis], high[axis]]);
+        }
         let mut start = Start {
-            cell: [[0; LANES]; 2],
+            cell: [[0.0; LANES]; 2],
             offset: [[0.0; LANES]; 2],
             slope: [[0.0; LANES]; 2],
             height: [[0.0; LANES]; 2],
@@ -104,78 +124,49 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
             base: [0.0; LANES],
             length: [0.0; LANES],
             tolerance: [0.0; LANES],
-            level: [0; LANES],
-            meets: 0,
+            entered: [0.0; LANES],
         };
-        let (lattice, rays) = (self.lattice, self.rays);
-        let top = self.pyramid.levels as i32 - 1;
-        let (entry_level, inside_level) = (ENTRY_LEVEL.min(top), INSIDE_LEVEL.min(top));
-        let inverse_width = [1.0 / lattice.width[0], 1.0 / lattice.width[1]];
-        let inverse_step = 1.0 / self.pyramid.step;
-        let mut meets = [0u32; LANES];
         for lane in 0..LANES {
-            let origin = [
-                (f64::from(rays.origin[0][lane]) - lattice.corner[0]) * inverse_width[0],
-                (f64::from(rays.origin[2][lane]) - lattice.corner[1]) * inverse_width[1],
-                f64::from(rays.origin[1][lane]),
-            ];
-            let direction = [
-                f64::from(rays.direction[0][lane]) * inverse_width[0],
-                f64::from(rays.direction[2][lane]) * inverse_width[1],
-                f64::from(rays.direction[1][lane]),
-            ];
-            let low = [lattice.domain[0][0], lattice.domain[0][1], self.range[0]];
-            let high = [lattice.domain[1][0], lattice.domain[1][1], self.range[1]];
-            let (mut near, mut far) = (f64::from(rays.tnear[lane]), f64::from(rays.tfar[lane]));
-            let tnear = near;
-            for axis in 0..3 {
-                let inverse = 1.0 / direction[axis];
-                let (a, b) = ((low[axis] - origin[axis]) * inverse, (high[axis] - origin[axis]) * inverse);
-                // A ray along the slab: its quotients are infinite or not numbers, the place itself decides.
-                let parallel = direction[axis] == 0.0;
-                let inside = low[axis] <= origin[axis] && origin[axis] <= high[axis];
-                let (least, most) = if a < b { (a, b) } else { (b, a) };
-                let least = if parallel { if inside { f64::NEG_INFINITY } else { f64::INFINITY } } else { least };
-                let most = if parallel { if inside { f64::INFINITY } else { f64::NEG_INFINITY } } else { most };
-                near = if least > near { least } else { near };
-                far = if most < far { most } else { far };
-            }
             // Rounding of a slab's quotient: a few units in the last place, so that water at the very edge stays.
-            let slack =
-                4.0 * f64::EPSILON * (near.abs() + 1.0 / (direction[0].abs() + direction[1].abs() + f64::MIN_POSITIVE));
-            let base = if near > tnear { (near - slack).max(tnear) } else { near };
-            let length = far - base;
-            let meet = (rays.active >> lane & 1) as u32 & u32::from(length >= 0.0 && length.is_finite());
-            meets[lane] = meet;
-            let base = if meet == 1 { base } else { 0.0 };
-            for axis in 0..2 {
-                let at = origin[axis] + base * direction[axis];
-                let last = (lattice.cells[axis] - 1) as f64;
-                let cell = at.floor().max(0.0).min(last);
-                start.cell[axis][lane] = cell as i32;
+            let speed = direction[0][lane].abs() + direction[1][lane].abs() + f64::MIN_POSITIVE;
+            let slack = 4.0 * f64::EPSILON * (near[lane].abs() + 1.0 / speed);
+            let back = near[lane] - slack;
+            let base = if back > tnear[lane] { back } else { tnear[lane] };
+            let length = far[lane] - base;
+            // Not finite: a ray that never leaves, because it is none.
+            let meets = (length >= 0.0) & (length < f64::INFINITY);
+            start.base[lane] = if meets { base } else { 0.0 };
+            start.length[lane] = if meets { length as f32 } else { -1.0 };
+            start.entered[lane] = (base - tnear[lane]) as f32;
+        }
+        for axis in 0..2 {
+            let last = (lattice.cells[axis] - 1) as f64;
+            for lane in 0..LANES {
+                let at = origin[axis][lane] + start.base[lane] * direction[axis][lane];
+                let cell = at.floor();
+                let cell = if cell > 0.0 { cell } else { 0.0 };
+                let cell = if cell < last { cell } else { last };
+                start.cell[axis][lane] = cell as f32;
                 start.offset[axis][lane] = (at - cell) as f32;
-                start.slope[axis][lane] = direction[axis] as f32;
+                start.slope[axis][lane] = direction[axis][lane] as f32;
             }
-            let height = origin[2] + base * direction[2];
+        }
+        let inverse_step = 1.0 / self.pyramid.step;
+        for lane in 0..LANES {
+            let height = origin[2][lane] + start.base[lane] * direction[2][lane];
             let leading = height as f32;
             start.height[0][lane] = leading;
             start.height[1][lane] = (height - f64::from(leading)) as f32;
             start.step[lane] = ((height - self.pyramid.floor) * inverse_step) as f32;
-            start.rise[lane] = (direction[2] * inverse_step) as f32;
-            start.base[lane] = base;
-            start.length[lane] = length as f32;
-            start.tolerance[lane] = rays.tolerance[lane] + rays.tolerance_growth * base as f32;
-            start.level[lane] = if base > tnear { entry_level } else { inside_level };
-        }
-        for (lane, meet) in meets.into_iter().enumerate() {
-            start.meets |= meet << lane;
+            start.rise[lane] = (direction[2][lane] * inverse_step) as f32;
+            start.tolerance[lane] = rays.tolerance[lane] + rays.tolerance_growth * start.base[lane] as f32;
         }
         start
     }
 
     /// Walks the lanes `first..first + S::LANES`.
     #[inline(always)]
-    fn walk<S: Simd>(&mut self, simd: S, start: &Start, first: usize, lanes: u32) {
+    fn walk<S: Simd>(&mut self, simd: S, start: &Start, first: usize, lanes: S::M) {
         let s = simd;
         let (lattice, pyramid) = (self.lattice, self.pyramid);
         let (zero, one) = (s.splat(0.0), s.splat(1.0));
@@ -187,7 +178,7 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
         let top_level = s.splat_int(pyramid.levels as i32 - 1);
         let last_cell = per_axis!(axis => s.splat_int(lattice.cells[axis] as i32 - 1));
 
-        let base_cell = per_axis!(axis => s.load_int(&start.cell[axis][first..]));
+        let base_cell = per_axis!(axis => s.floor_int(s.load(&start.cell[axis][first..])));
         let offset = per_axis!(axis => s.load(&start.offset[axis][first..]));
         let slope = per_axis!(axis => s.load(&start.slope[axis][first..]));
         let step = s.load(&start.step[first..]);
@@ -201,10 +192,12 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
         let inverse = per_axis!(axis => one / slope[axis]);
 
         let mut cell = base_cell;
-        let mut level = s.load_int(&start.level[first..]);
+        let entered = s.lt(zero, s.load(&start.entered[first..]));
+        let level = s.select_int(entered, s.splat_int(ENTRY_LEVEL), s.splat_int(INSIDE_LEVEL));
+        let mut level = s.min_int(level, top_level);
         let mut t = zero;
         let mut above = zero;
-        let mut active = s.from_bits(lanes);
+        let mut active = lanes;
         let mut hit = s.from_bits(0);
         let mut gave_up = s.from_bits(0);
         let mut found_t = zero;
@@ -407,6 +400,30 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
                 self.hits.normal[2][to] = fields[3][lane];
             }
         }
+    }
+}
+
+/// Clips the intervals `near..far` of each lane to a slab; the border belongs to it.
+#[inline(always)]
+fn clip(
+    near: &mut [f64; LANES],
+    far: &mut [f64; LANES],
+    origin: &[f64; LANES],
+    direction: &[f64; LANES],
+    [low, high]: [f64; 2],
+) {
+    for lane in 0..LANES {
+        let d = direction[lane];
+        // A ray along the slab: its quotients are infinite and say inside or outside, but for one that lies in a border,
+        // 0 * inf. That one is inside.
+        let inverse = if d == 0.0 { f64::INFINITY } else { 1.0 / d };
+        let a = (low - origin[lane]) * inverse;
+        let b = (high - origin[lane]) * inverse;
+        let a = if a.is_nan() { f64::NEG_INFINITY } else { a };
+        let b = if b.is_nan() { f64::INFINITY } else { b };
+        let (least, most) = (if a < b { a } else { b }, if a < b { b } else { a });
+        near[lane] = if least > near[lane] { least } else { near[lane] };
+        far[lane] = if most < far[lane] { most } else { far[lane] };
     }
 }
 
