@@ -7,7 +7,10 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use glam::Vec3;
+
 use super::lanes::{IDENTITY, LaneGeometry, LanePayload};
+use super::order::Slab;
 use super::{AccelError, AccelStats, Accelerator, Geometry, HitBatch, NO_PART, RayBatch, count_primitives};
 use crate::ffi::embree::{
     CommittedScene, Device, INVALID_GEOMETRY, Ray, Ray16, RayHit, RayHit16, SceneBuilder, Valid16,
@@ -23,6 +26,8 @@ pub struct EmbreeAccel {
     device: Device,
     build_seconds: f64,
     surface_bytes: u64,
+    /// The surfaces' common slab, if there are any: rays over it are ordered by their run.
+    slab: Option<Slab>,
     primitives: Vec<(String, u64)>,
 }
 
@@ -49,10 +54,13 @@ impl EmbreeAccel {
         let device = Device::new(threads, settings)?;
         let mut builder = SceneBuilder::new(&device)?;
         let mut surface_bytes = 0;
+        let mut corners: Option<[Vec3; 2]> = None;
         for (part, geometry) in geometry {
             match geometry {
                 Geometry::Lanes(surface) => {
                     surface_bytes += surface.bytes();
+                    let [low, high] = surface.bounds();
+                    corners = Some(corners.map_or([low, high], |[l, h]| [l.min(low), h.max(high)]));
                     builder.user(*part, Arc::new(LaneGeometry(Arc::clone(surface))))?;
                 }
                 Geometry::Spheres(spheres) => builder.spheres(*part, &spheres.center, &spheres.radius)?,
@@ -61,8 +69,9 @@ impl EmbreeAccel {
             }
         }
         let scene = builder.commit()?;
+        let slab = corners.and_then(|[low, high]| Slab::new(low, high));
         let primitives = count_primitives(geometry);
-        Ok(Self { scene, device, build_seconds: start.elapsed().as_secs_f64(), surface_bytes, primitives })
+        Ok(Self { scene, device, build_seconds: start.elapsed().as_secs_f64(), surface_bytes, slab, primitives })
     }
 
     /// As [`Accelerator::closest`], but one ray at a time through rtcIntersect1: the baseline of benchmarks, not for
@@ -73,7 +82,7 @@ impl EmbreeAccel {
         let mut packet = Packet::EMPTY;
         for index in 0..rays.len() {
             if index % LANES == 0 {
-                packet.load(rays, index);
+                packet.load(rays, None, index);
             }
             let lane = index % LANES;
             if packet.valid.0[lane] == 0 {
@@ -154,18 +163,19 @@ impl Packet {
         tolerance: [0.0; LANES],
     };
 
-    /// Takes the rays from `start` on. Lanes behind the batch's end, and rays that are no rays (see [`RayBatch`]), stay out.
-    fn load(&mut self, rays: &RayBatch, start: usize) {
+    /// Takes the rays from `start` on, in the order given if there is one. Lanes behind the batch's end, and rays that
+    /// are no rays (see [`RayBatch`]), stay out.
+    fn load(&mut self, rays: &RayBatch, order: Option<&[u32]>, start: usize) {
         let ray = &mut self.ray;
-        ray.org_x = sixteen(&rays.origin[0], start);
-        ray.org_y = sixteen(&rays.origin[1], start);
-        ray.org_z = sixteen(&rays.origin[2], start);
-        ray.dir_x = sixteen(&rays.direction[0], start);
-        ray.dir_y = sixteen(&rays.direction[1], start);
-        ray.dir_z = sixteen(&rays.direction[2], start);
-        ray.tnear = sixteen(&rays.tnear, start);
-        ray.tfar = sixteen(&rays.tfar, start);
-        self.tolerance = sixteen(&rays.tolerance, start);
+        ray.org_x = sixteen(&rays.origin[0], order, start);
+        ray.org_y = sixteen(&rays.origin[1], order, start);
+        ray.org_z = sixteen(&rays.origin[2], order, start);
+        ray.dir_x = sixteen(&rays.direction[0], order, start);
+        ray.dir_y = sixteen(&rays.direction[1], order, start);
+        ray.dir_z = sixteen(&rays.direction[2], order, start);
+        ray.tnear = sixteen(&rays.tnear, order, start);
+        ray.tfar = sixteen(&rays.tfar, order, start);
+        self.tolerance = sixteen(&rays.tolerance, order, start);
         let mut any = 0;
         for lane in 0..LANES {
             // Bitwise, without branches, so that the compiler keeps it in vectors. Lanes behind the end have a zero
@@ -188,27 +198,46 @@ impl Packet {
     }
 }
 
-/// Sixteen values from `start` on, zero behind the end.
+/// Sixteen values from `start` on, in the order given if there is one; zero behind the end.
 #[inline]
-fn sixteen(values: &[f32], start: usize) -> [f32; LANES] {
-    let rest = &values[start..];
-    match rest.first_chunk() {
-        Some(all) => *all,
+fn sixteen(values: &[f32], order: Option<&[u32]>, start: usize) -> [f32; LANES] {
+    let mut out = [0.0; LANES];
+    match order {
+        Some(order) => {
+            for (out, &ray) in out.iter_mut().zip(&order[start..]) {
+                *out = values[ray as usize];
+            }
+        }
         None => {
-            let mut out = [0.0; LANES];
-            out[..rest.len()].copy_from_slice(rest);
-            out
+            let rest = &values[start..];
+            match rest.first_chunk() {
+                Some(all) => return *all,
+                None => out[..rest.len()].copy_from_slice(rest),
+            }
         }
     }
+    out
 }
 
-/// Stores sixteen values from `start` on, as far as there is room.
+/// The other way: as many of the sixteen as there are places.
 #[inline]
-fn store<T: Copy>(to: &mut [T], start: usize, from: &[T; LANES]) {
-    let rest = &mut to[start..];
-    match rest.first_chunk_mut() {
-        Some(all) => *all = *from,
-        None => rest.copy_from_slice(&from[..rest.len()]),
+fn store<T: Copy>(to: &mut [T], order: Option<&[u32]>, start: usize, from: &[T; LANES]) {
+    match order {
+        Some(order) => {
+            for (&value, &ray) in from.iter().zip(&order[start..]) {
+                to[ray as usize] = value;
+            }
+        }
+        None => {
+            let rest = &mut to[start..];
+            match rest.first_chunk_mut() {
+                Some(all) => *all = *from,
+                None => {
+                    let count = rest.len();
+                    rest.copy_from_slice(&from[..count]);
+                }
+            }
+        }
     }
 }
 
@@ -218,8 +247,10 @@ impl Accelerator for EmbreeAccel {
         hits.resize(count);
         let mut payload = LanePayload { tolerance_growth: rays.tolerance_growth, ..LanePayload::EMPTY };
         let mut packet = Packet::EMPTY;
+        let order = self.slab.and_then(|slab| slab.order(rays));
+        let order = order.as_deref();
         for start in (0..count).step_by(LANES) {
-            packet.load(rays, start);
+            packet.load(rays, order, start);
             // Zeros where Embree writes nothing; "no geometry" is what tells a miss.
             let mut found = RayHit16 { ray: packet.ray, ..RayHit16::default() };
             found.hit.geomID = [INVALID_GEOMETRY; LANES];
@@ -233,16 +264,16 @@ impl Accelerator for EmbreeAccel {
             for lane in 0..LANES {
                 t[lane] = if hit.geomID[lane] == INVALID_GEOMETRY { f32::INFINITY } else { t[lane] };
             }
-            store(&mut hits.t, start, &t);
-            store(&mut hits.part, start, &hit.geomID);
-            store(&mut hits.primitive, start, &hit.primID);
-            store(&mut hits.u, start, &hit.u);
-            store(&mut hits.v, start, &hit.v);
-            store(&mut hits.normal[0], start, &hit.Ng_x);
-            store(&mut hits.normal[1], start, &hit.Ng_y);
-            store(&mut hits.normal[2], start, &hit.Ng_z);
+            store(&mut hits.t, order, start, &t);
+            store(&mut hits.part, order, start, &hit.geomID);
+            store(&mut hits.primitive, order, start, &hit.primID);
+            store(&mut hits.u, order, start, &hit.u);
+            store(&mut hits.v, order, start, &hit.v);
+            store(&mut hits.normal[0], order, start, &hit.Ng_x);
+            store(&mut hits.normal[1], order, start, &hit.Ng_y);
+            store(&mut hits.normal[2], order, start, &hit.Ng_z);
             let gave_up = payload.gave_up;
-            store(&mut hits.gave_up, start, &std::array::from_fn(|lane| gave_up >> lane & 1 != 0));
+            store(&mut hits.gave_up, order, start, &std::array::from_fn(|lane| gave_up >> lane & 1 != 0));
         }
         *counts += payload.counts;
     }
@@ -252,8 +283,10 @@ impl Accelerator for EmbreeAccel {
         occluded.resize(count, false);
         let mut payload = LanePayload { tolerance_growth: rays.tolerance_growth, ..LanePayload::EMPTY };
         let mut packet = Packet::EMPTY;
+        let order = self.slab.and_then(|slab| slab.order(rays));
+        let order = order.as_deref();
         for start in (0..count).step_by(LANES) {
-            packet.load(rays, start);
+            packet.load(rays, order, start);
             let mut asked = packet.ray;
             if packet.any {
                 payload.tolerance = packet.tolerance;
@@ -262,7 +295,7 @@ impl Accelerator for EmbreeAccel {
             // A lane that did not ask may have come with a tfar of -inf.
             let valid = &packet.valid.0;
             let hit = std::array::from_fn(|lane| (asked.tfar[lane] == f32::NEG_INFINITY) & (valid[lane] != 0));
-            store(occluded, start, &hit);
+            store(occluded, order, start, &hit);
         }
         *counts += payload.counts;
     }

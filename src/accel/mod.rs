@@ -6,6 +6,7 @@
 mod brute;
 pub mod embree;
 mod lanes;
+mod order;
 mod pair;
 #[cfg(test)]
 mod testing;

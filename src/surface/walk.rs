@@ -17,10 +17,27 @@ use super::pyramid::{HOLE, Pyramid};
 use super::solve::{PatchSolver, Segment};
 use crate::simd::{Kernel, Simd};
 
+/// An expression for x (0) and for z (1). A closure would be a function of its own, which compilers may leave outside the
+/// kernel's instruction set: each vector operation would then be a call.
+macro_rules! per_axis {
+    ($axis:ident => $value:expr) => {
+        [
+            {
+                let $axis = 0usize;
+                $value
+            },
+            {
+                let $axis = 1usize;
+                $value
+            },
+        ]
+    };
+}
+
 /// Level at which a ray that enters from outside begins: it descends sooner than it would climb.
 const ENTRY_LEVEL: i32 = 5;
 /// Level at which a ray that begins within the bounds begins: it has just left the surface, or is about to hit it.
-const INSIDE_LEVEL: i32 = 1;
+const INSIDE_LEVEL: i32 = 2;
 
 /// One packet of rays against one surface.
 pub(super) struct Walk<'a, P, const K: usize, const D: usize, const ANY: bool> {
@@ -97,12 +114,11 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
         let inverse_step = 1.0 / self.pyramid.step;
         let mut meets = [0u32; LANES];
         for lane in 0..LANES {
-            let place = |axis: usize, origin: f32| match axis {
-                0 | 1 => (f64::from(origin) - lattice.corner[axis]) * inverse_width[axis],
-                _ => f64::from(origin),
-            };
-            let origin =
-                [place(0, rays.origin[0][lane]), place(1, rays.origin[2][lane]), place(2, rays.origin[1][lane])];
+            let origin = [
+                (f64::from(rays.origin[0][lane]) - lattice.corner[0]) * inverse_width[0],
+                (f64::from(rays.origin[2][lane]) - lattice.corner[1]) * inverse_width[1],
+                f64::from(rays.origin[1][lane]),
+            ];
             let direction = [
                 f64::from(rays.direction[0][lane]) * inverse_width[0],
                 f64::from(rays.direction[2][lane]) * inverse_width[1],
@@ -169,20 +185,20 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
         let hole_bit = s.splat_int(HOLE as i32);
         let sixteen = s.splat_int(16);
         let top_level = s.splat_int(pyramid.levels as i32 - 1);
-        let last_cell = [0, 1].map(|axis| s.splat_int(lattice.cells[axis] as i32 - 1));
+        let last_cell = per_axis!(axis => s.splat_int(lattice.cells[axis] as i32 - 1));
 
-        let base_cell = [0, 1].map(|axis| s.load_int(&start.cell[axis][first..]));
-        let offset = [0, 1].map(|axis| s.load(&start.offset[axis][first..]));
-        let slope = [0, 1].map(|axis| s.load(&start.slope[axis][first..]));
+        let base_cell = per_axis!(axis => s.load_int(&start.cell[axis][first..]));
+        let offset = per_axis!(axis => s.load(&start.offset[axis][first..]));
+        let slope = per_axis!(axis => s.load(&start.slope[axis][first..]));
         let step = s.load(&start.step[first..]);
         let rise = s.load(&start.rise[first..]);
         let end = s.load(&start.length[first..]);
         let inverse_rise = one / rise;
         // Steps forward cross the far border of a block, steps backward the near one.
-        let forward = [0, 1].map(|axis| s.lt(zero, slope[axis]));
-        let still = [0, 1].map(|axis| s.le(s.abs(slope[axis]), s.splat(f32::MIN_POSITIVE)));
-        let far_border = [0, 1].map(|axis| s.select_int(forward[axis], int_one, int_zero));
-        let inverse = [0, 1].map(|axis| one / slope[axis]);
+        let forward = per_axis!(axis => s.lt(zero, slope[axis]));
+        let still = per_axis!(axis => s.le(s.abs(slope[axis]), s.splat(f32::MIN_POSITIVE)));
+        let far_border = per_axis!(axis => s.select_int(forward[axis], int_one, int_zero));
+        let inverse = per_axis!(axis => one / slope[axis]);
 
         let mut cell = base_cell;
         let mut level = s.load_int(&start.level[first..]);
@@ -205,13 +221,13 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
                 if s.none(stepping) {
                     break;
                 }
-                let block = [0, 1].map(|axis| s.shift_right(cell[axis], level));
+                let block = per_axis!(axis => s.shift_right(cell[axis], level));
                 let index = s.lookup(&pyramid.start, level) + block[1] * s.lookup(&pyramid.row, level) + block[0];
                 let word = s.gather(&pyramid.words, index, stepping);
                 let low = s.to_float(word & bound_bits);
                 let high = s.to_float(s.shift_right(word, sixteen));
                 let whole = s.eq_int(word & hole_bit, int_zero);
-                let exit = [0, 1].map(|axis| {
+                let exit = per_axis!(axis => {
                     let border = s.shift_left(block[axis] + far_border[axis], level) - base_cell[axis];
                     let quotient = (s.to_float(border) - offset[axis]) * inverse[axis];
                     s.select(still[axis], infinity, quotient)
@@ -259,7 +275,7 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
                 leave = s.select(arrives, to, leave);
                 crosses_x = (crosses_x & !arrives) | (x_first & arrives);
                 let count = s.bits(waiting).count_ones();
-                if count * 2 > s.bits(active).count_ones() {
+                if count * 3 > s.bits(active).count_ones() * 2 {
                     break;
                 }
             }
@@ -277,20 +293,22 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
                     *height = *height - reference;
                 }
             }
-            let place = |axis: usize, t: S::F| {
-                let cells = s.to_float(base_cell[axis] - cell[axis]);
-                s.fma_exact(t, slope[axis], cells) + offset[axis]
-            };
+            let cells = per_axis!(axis => s.to_float(base_cell[axis] - cell[axis]));
+            let from = per_axis!(axis => s.fma_exact(t, slope[axis], cells[axis]) + offset[axis]);
+            let to = per_axis!(axis => s.fma_exact(leave, slope[axis], cells[axis]) + offset[axis]);
             let vertical = s.load(&self.rays.direction[1][first..]);
             let leading = s.load(&start.height[0][first..]);
             let trailing = s.load(&start.height[1][first..]);
-            let height = |t: S::F| (s.fma_exact(t, vertical, leading) - reference) + trailing;
+            let heights = [
+                (s.fma_exact(t, vertical, leading) - reference) + trailing,
+                (s.fma_exact(leave, vertical, leading) - reference) + trailing,
+            ];
             let growth = s.splat(self.rays.tolerance_growth);
             let segment = Segment {
                 window,
-                u: [place(0, t), place(0, leave)],
-                v: [place(1, t), place(1, leave)],
-                y: [height(t), height(leave)],
+                u: [from[0], to[0]],
+                v: [from[1], to[1]],
+                y: heights,
                 above,
                 length: leave - t,
                 tolerance: s.fma(growth, t, s.load(&start.tolerance[first..])),
@@ -361,7 +379,7 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
         found_cell: [S::I; 2],
     ) {
         let (zero, one) = (s.splat(0.0), s.splat(1.0));
-        let [u, v] = found.map(|place| s.min(s.max(place, zero), one));
+        let [u, v] = per_axis!(axis => s.min(s.max(found[axis], zero), one));
         let mask = s.from_bits(hits);
         let corner = found_cell[1] * s.splat_int(self.lattice.stride as i32) + found_cell[0];
         let window = s.gather_window::<K>(&self.lattice.heights, self.lattice.stride, corner, mask);
@@ -422,13 +440,22 @@ fn lane_basis<S: Simd, const K: usize>(s: S, u: S::F) -> ([S::F; K], [S::F; K]) 
         _ => {
             let sixth = s.splat(1.0 / 6.0);
             let two_thirds = s.splat(2.0 / 3.0);
-            let inner = |x: S::F| two_thirds - x * x * (one - half * x);
             let (one_and_half, two) = (s.splat(1.5), s.splat(2.0));
             (
-                [sixth * w * w * w, inner(u), inner(w), sixth * u * u * u],
+                [
+                    sixth * w * w * w,
+                    two_thirds - u * u * (one - half * u),
+                    two_thirds - w * w * (one - half * w),
+                    sixth * u * u * u,
+                ],
                 [zero - half * w * w, u * (one_and_half * u - two), zero - w * (one_and_half * w - two), half * u * u],
             )
         }
     };
-    (std::array::from_fn(|index| value[index]), std::array::from_fn(|index| slope[index]))
+    let (mut values, mut slopes) = ([zero; K], [zero; K]);
+    for index in 0..K {
+        values[index] = value[index];
+        slopes[index] = slope[index];
+    }
+    (values, slopes)
 }

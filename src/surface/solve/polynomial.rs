@@ -8,7 +8,7 @@ use super::{PatchRay, Segment};
 use crate::math::Bernstein;
 use crate::simd::Simd;
 
-/// Weights of the K control values in the blossom with `k` arguments `b` and the others `a` (K = order).
+/// Weights of the K control values in the blossom with `k` arguments `b` and the others `a`, for each `k` (K = order).
 #[inline(always)]
 fn blossom_weights<S: Simd, const K: usize>(simd: S, a: S::F, b: S::F) -> [[S::F; K]; K] {
     let one = simd.splat(1.0);
@@ -16,54 +16,53 @@ fn blossom_weights<S: Simd, const K: usize>(simd: S, a: S::F, b: S::F) -> [[S::F
     let mut weights = [[one; K]; K];
     match K {
         2 => {
-            weights[0] = pick([not_a, a, a, a]);
-            weights[1] = pick([not_b, b, b, b]);
+            weights[0][0] = not_a;
+            weights[0][1] = a;
+            weights[1][0] = not_b;
+            weights[1][1] = b;
         }
         3 => {
             let half = simd.splat(0.5);
-            for (slot, (p, q, not_p, not_q)) in
-                weights.iter_mut().zip([(a, a, not_a, not_a), (a, b, not_a, not_b), (b, b, not_b, not_b)])
-            {
-                let first = half * not_p * not_q;
-                let last = half * p * q;
-                *slot = pick([first, one - first - last, last, last]);
+            let first = [half * not_a * not_a, half * not_a * not_b, half * not_b * not_b];
+            let last = [half * a * a, half * a * b, half * b * b];
+            for k in 0..3 {
+                weights[k][0] = first[k];
+                weights[k][1] = one - first[k] - last[k];
+                weights[k][2] = last[k];
             }
         }
         _ => {
-            let (sixth, third) = (simd.splat(1.0 / 6.0), simd.splat(1.0 / 3.0));
-            let two_thirds = third + third;
-            let blend = |b0: S::F, b1: S::F, b2: S::F, b3: S::F| {
-                let inner = simd.fma(two_thirds, b0, simd.fma(two_thirds, b1, simd.fma(third, b2, sixth * b3)));
-                let other = simd.fma(two_thirds, b3, simd.fma(two_thirds, b2, simd.fma(third, b1, sixth * b0)));
-                [sixth * b0, inner, other, sixth * b3]
-            };
-            let uniform = |p: S::F, not_p: S::F| {
-                let three = simd.splat(3.0);
-                blend(not_p * not_p * not_p, three * p * not_p * not_p, three * p * p * not_p, p * p * p)
-            };
-            // Two arguments p, one q.
-            let mixed = |p: S::F, not_p: S::F, q: S::F, not_q: S::F| {
-                let cross = (p * not_p) + (p * not_p);
-                blend(
-                    not_p * not_p * not_q,
-                    simd.fma(cross, not_q, not_p * not_p * q),
-                    simd.fma(cross, q, p * p * not_q),
-                    p * p * q,
-                )
-            };
-            let all = [uniform(a, not_a), mixed(a, not_a, b, not_b), mixed(b, not_b, a, not_a), uniform(b, not_b)];
-            for (slot, row) in weights.iter_mut().zip(all) {
-                *slot = pick(row);
+            let rows = [
+                cubic_row(simd, [a, a, a], [not_a, not_a, not_a]),
+                cubic_row(simd, [a, a, b], [not_a, not_a, not_b]),
+                cubic_row(simd, [a, b, b], [not_a, not_b, not_b]),
+                cubic_row(simd, [b, b, b], [not_b, not_b, not_b]),
+            ];
+            for k in 0..4 {
+                for i in 0..4 {
+                    weights[k][i] = rows[k][i];
+                }
             }
         }
     }
     weights
 }
 
-/// The first K of four.
+/// Weights of four control values in the cubic blossom with arguments `p` (and `q` = 1 - p): the Bézier weights, carried
+/// to the uniform B-spline's control values.
 #[inline(always)]
-fn pick<F: Copy, const K: usize>(from: [F; 4]) -> [F; K] {
-    std::array::from_fn(|index| from[index])
+fn cubic_row<S: Simd>(simd: S, p: [S::F; 3], q: [S::F; 3]) -> [S::F; 4] {
+    let b0 = q[0] * q[1] * q[2];
+    let b1 = simd.fma(p[0] * q[1], q[2], simd.fma(q[0] * p[1], q[2], q[0] * q[1] * p[2]));
+    let b2 = simd.fma(p[0] * p[1], q[2], simd.fma(p[0] * q[1], p[2], q[0] * p[1] * p[2]));
+    let b3 = p[0] * p[1] * p[2];
+    let (sixth, third, two_thirds) = (simd.splat(1.0 / 6.0), simd.splat(1.0 / 3.0), simd.splat(2.0 / 3.0));
+    [
+        sixth * b0,
+        simd.fma(two_thirds, b0, simd.fma(two_thirds, b1, simd.fma(third, b2, sixth * b3))),
+        simd.fma(two_thirds, b3, simd.fma(two_thirds, b2, simd.fma(third, b1, sixth * b0))),
+        sixth * b3,
+    ]
 }
 
 /// C(n,k) C(n,l) / C(2n,k+l) for n = K - 1.
