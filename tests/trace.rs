@@ -6,11 +6,13 @@ use std::process::{Command, Output};
 use glam::DVec3;
 use whitewater::bench::work::Random;
 use whitewater::lower::scene_origin;
-use whitewater::scene::Surface;
+use whitewater::scene::{SolverKind, Surface};
+use whitewater::simd::SimdLevel;
 use whitewater::state::{
-    Columns, Encoding, Frame, Model, Panel, Particles, Sphere, save_frame, save_model, write_arrays,
+    Columns, Encoding, Frame, Model, Panel, Particles, Sphere, read_frame, save_frame, save_model, write_arrays,
 };
-use whitewater::surface::{control, referee};
+use whitewater::surface::audit::Audit;
+use whitewater::surface::{SplineSurface, control, referee};
 
 const ALL: [f64; 2] = [0.0, f64::INFINITY];
 
@@ -250,7 +252,8 @@ fn answers_are_the_referees_to_nine_digits_here_and_in_utm() {
                 let exact = referee::first_hit(&lattice, o, d, ALL).map_or(f64::INFINITY, |hit| hit.t);
                 hits += usize::from(exact.is_finite());
                 // A graze may be decided by the rounding of the ray to single precision.
-                if exact != answers.t[ray] && !((exact - answers.t[ray]).abs() <= 1e-9 * exact.max(1.0)) {
+                let near = (exact - answers.t[ray]).abs() <= 1e-9 * exact.max(1.0);
+                if exact != answers.t[ray] && !near {
                     doubtful += 1;
                 }
             }
@@ -263,6 +266,63 @@ fn answers_are_the_referees_to_nine_digits_here_and_in_utm() {
                     assert_eq!(changed, 0, "order {order}: a world offset changes answers");
                 }
             }
+        }
+    }
+}
+
+#[test]
+fn no_ray_over_the_shipped_scenes_is_lost_false_or_wrong() {
+    for name in ["small", "jacksboro"] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).join("time000.state");
+        let frame = read_frame(path, 0.001).unwrap();
+        let setup = Setup::new(&frame, &Model::default());
+        let origin = scene_origin(&frame.columns);
+        for (part, lattice) in [
+            ("water", control::water(&frame.columns, &Surface::default(), origin.to_array()).unwrap().unwrap()),
+            ("terrain", control::bed(&frame.columns, &Surface::default(), origin.to_array()).unwrap()),
+        ] {
+            let surface = SplineSurface::new(lattice.clone(), SolverKind::Reference, SimdLevel::Portable);
+            let [low, high] = lattice.domain.map(|corner| lattice.from_cell(corner));
+            let (wide, column) = (high[0] - low[0], lattice.width[0]);
+            let mut random = Random::new(17);
+            let mut rays = Rays::default();
+            while rays.origin.len() < 12_000 {
+                let (x, z) = (random.within(low[0], high[0]), random.within(low[1], high[1]));
+                let Some((y, slope)) = surface.point(x, z) else { continue };
+                let point = DVec3::new(x, y, z);
+                let normal = DVec3::new(-slope[0], 1.0, -slope[1]).normalize();
+                let (from, direction) = match rays.origin.len() % 4 {
+                    // From the side, a camera's distance away.
+                    0 => {
+                        let eye = DVec3::new(0.0, lattice.extent[1] + 0.3 * wide, -wide);
+                        (eye, point - eye)
+                    }
+                    // Grazing.
+                    1 => {
+                        let along = random.direction().cross(normal).normalize();
+                        let lift = normal * random.within(-2e-3, 2e-3) * column;
+                        (point - along * 20.0 * column + lift, along)
+                    }
+                    // From nearby, to anywhere.
+                    2 => (point + normal * random.within(-5.0, 5.0) * column, random.direction()),
+                    // Plumb, through corners of columns.
+                    _ => {
+                        let corner = lattice.to_cell(x, z).map(f64::floor);
+                        let [x, z] = lattice.from_cell(corner);
+                        (DVec3::new(x, lattice.extent[1] + column, z), DVec3::NEG_Y)
+                    }
+                };
+                rays.push(from + origin, direction);
+            }
+            let answers = setup.trace(&rays, &["--only", part]);
+            let mut audit = Audit::default();
+            for ray in 0..rays.origin.len() {
+                let (o, d) = (DVec3::from(rays.origin[ray]) - origin, DVec3::from(rays.direction[ray]));
+                audit.check(&lattice, o, d, ALL, Some(answers.t[ray]).filter(|t| t.is_finite()));
+            }
+            assert_eq!((audit.lost, audit.false_hits, audit.wrong), (0, 0, 0), "{name} {part}: {audit:?}");
+            assert!(audit.hits > 6000 && audit.tangent < 120, "{name} {part}: {audit:?}");
+            assert!(answers.gave_up.iter().all(|gave_up| !gave_up), "{name} {part}");
         }
     }
 }

@@ -265,8 +265,9 @@ impl ExactSpline {
             if value == 0.0 {
                 return Some(here);
             }
+            let moved = (here - step - t).abs();
             // Not a number where value and rate vanish together.
-            if !((here - step - t).abs() <= reach) {
+            if moved > reach || moved.is_nan() {
                 return None;
             }
             // It converges by squares: steps that no longer shrink are rounding.
