@@ -2,13 +2,10 @@
 //!
 //! Headers come first: no element is read before every array's type and shape agree with the others.
 
-use std::io::{BufWriter, Seek, Write};
+use std::io::{Seek, Write};
 use std::path::Path;
 
-use npyz::{AutoSerialize, WriterBuilder};
-use zip::ZipWriter;
-use zip::write::SimpleFileOptions;
-
+use super::arrays::ArchiveWriter;
 use super::check::{self, stop_if_damaged};
 use super::error::{Place, Problem, Problems, Stop};
 use super::npy::show_shape;
@@ -237,49 +234,35 @@ pub fn write_frame_npz(frame: &Frame, writer: impl Write + Seek) -> Result<(), S
     let Columns { origin, width, nx, nz, base, top, pressure, flow } = &frame.columns;
     let Particles { position, velocity, mass, age, id } = &frame.particles;
     let (nx, nz, n) = (*nx as u64, *nz as u64, position.len() as u64);
-    let mut zip = ZipWriter::new(writer);
-    array(&mut zip, "time", &[], [frame.time])?;
-    array(&mut zip, "origin", &[2], *origin)?;
-    array(&mut zip, "width", &[2], *width)?;
-    floats(&mut zip, "base", &[nz, nx], base)?;
-    floats(&mut zip, "top", &[nz, nx], top)?;
-    floats(&mut zip, "pressure", &[nz, nx], pressure)?;
-    floats(&mut zip, "flow", &[nz, nx, 2], flow.as_flattened())?;
-    floats(&mut zip, "position", &[n, 3], position.as_flattened())?;
-    floats(&mut zip, "velocity", &[n, 3], velocity.as_flattened())?;
-    floats(&mut zip, "mass", &[n], mass)?;
-    floats(&mut zip, "age", &[n], age)?;
+    let mut archive = ArchiveWriter::new(writer);
+    archive.array("time", &[], [frame.time])?;
+    archive.array("origin", &[2], *origin)?;
+    archive.array("width", &[2], *width)?;
+    floats(&mut archive, "base", &[nz, nx], base)?;
+    floats(&mut archive, "top", &[nz, nx], top)?;
+    floats(&mut archive, "pressure", &[nz, nx], pressure)?;
+    floats(&mut archive, "flow", &[nz, nx, 2], flow.as_flattened())?;
+    floats(&mut archive, "position", &[n, 3], position.as_flattened())?;
+    floats(&mut archive, "velocity", &[n, 3], velocity.as_flattened())?;
+    floats(&mut archive, "mass", &[n], mass)?;
+    floats(&mut archive, "age", &[n], age)?;
     if let Some(id) = id {
-        array(&mut zip, "id", &[n], id.iter().copied())?;
+        archive.array("id", &[n], id.iter().copied())?;
     }
-    zip.finish().map_err(std::io::Error::from)?.flush()?;
-    Ok(())
+    archive.finish()
 }
 
-fn floats(zip: &mut ZipWriter<impl Write + Seek>, name: &str, shape: &[u64], values: &[f64]) -> Result<(), StateError> {
+fn floats<W: Write + Seek>(
+    archive: &mut ArchiveWriter<W>,
+    name: &str,
+    shape: &[u64],
+    values: &[f64],
+) -> Result<(), StateError> {
     // Bits, not values: -0 must stay -0.
     let exact = values.iter().all(|&value| f64::from(value as f32).to_bits() == value.to_bits());
     if exact {
-        array(zip, name, shape, values.iter().map(|&value| value as f32))
+        archive.array(name, shape, values.iter().map(|&value| value as f32))
     } else {
-        array(zip, name, shape, values.iter().copied())
+        archive.array(name, shape, values.iter().copied())
     }
-}
-
-fn array<T: AutoSerialize>(
-    zip: &mut ZipWriter<impl Write + Seek>,
-    name: &str,
-    shape: &[u64],
-    values: impl IntoIterator<Item = T>,
-) -> Result<(), StateError> {
-    // Past 4 GB an entry needs the archive's 64-bit form; the margin is for the header.
-    let bytes = shape.iter().product::<u64>() * size_of::<T>() as u64;
-    let options = SimpleFileOptions::default().large_file(bytes > u64::from(u32::MAX) - 65536);
-    zip.start_file(format!("{name}.npy"), options).map_err(std::io::Error::from)?;
-    let mut buffer = BufWriter::with_capacity(1 << 16, zip);
-    let mut npy = npyz::WriteOptions::new().default_dtype().shape(shape).writer(&mut buffer).begin_nd()?;
-    npy.extend(values)?;
-    npy.finish()?;
-    buffer.flush()?;
-    Ok(())
 }

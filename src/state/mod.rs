@@ -10,6 +10,7 @@ use std::path::Path;
 
 pub mod summary;
 
+mod arrays;
 mod check;
 mod error;
 mod frame_npz;
@@ -21,6 +22,7 @@ mod npz;
 mod sequence;
 mod whole_file;
 
+pub use arrays::{ArchiveWriter, write_arrays};
 pub use check::MAX_ROWS;
 pub use error::{MAX_LISTED, Place, Problem, StateError};
 pub use frame_npz::write_frame_npz;
