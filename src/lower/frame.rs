@@ -15,6 +15,9 @@ use crate::surface::tessellate::{self, MeshError, SurfaceMesh};
 use crate::surface::{LatticeError, Sides, SplineSurface, control, quads};
 use crate::terrain::{self, Mesh, MeshAlbedo, TerrainError};
 
+/// The name of the ground's walls at the domain's edge: there for pictures, asked for by name in `trace`.
+pub const TERRAIN_SIDES: &str = "terrain_sides";
+
 /// Why a frame cannot be lowered.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -164,6 +167,9 @@ pub fn lower(
     }
     if let Some(bed) = &bed {
         add("terrain", Material::Ground, Shape::Surface(Arc::clone(bed)));
+        if scene.terrain.sides {
+            add(TERRAIN_SIDES, Material::Ground, Shape::Sides(Arc::new(Sides::of_ground(Arc::clone(bed)))));
+        }
     }
     let spray = Arc::new(match scene.particles.representation {
         ParticleRepresentation::None => Spray::default(),
@@ -277,7 +283,10 @@ mod tests {
         };
         let environment = Environment::load(&model, Path::new("."), &[]).unwrap();
         let lowered = lower(&Scene::default(), &frame(0.0), &environment, None, SimdLevel::Portable).unwrap();
-        assert_eq!(names(&lowered.lowered), ["water", "water_sides", "terrain", "spray", "sphere_0", "panel_0"]);
+        assert_eq!(
+            names(&lowered.lowered),
+            ["water", "water_sides", "terrain", TERRAIN_SIDES, "spray", "sphere_0", "panel_0"]
+        );
     }
 
     #[test]

@@ -2,7 +2,9 @@
 
 mod frame;
 
-pub use frame::{Environment, LowerError, LoweredFrame, View, lower, points_to_frame, scene_origin, to_world};
+pub use frame::{
+    Environment, LowerError, LoweredFrame, TERRAIN_SIDES, View, lower, points_to_frame, scene_origin, to_world,
+};
 
 use std::sync::Arc;
 

@@ -321,10 +321,12 @@ pub struct Terrain {
     pub detail: Option<f64>,
     /// Whether the bed is there at all.
     pub visible: bool,
+    /// Whether the ground is closed by upright walls at the domain's edge, like a block cut out of the land.
+    pub sides: bool,
 }
 impl Default for Terrain {
     fn default() -> Self {
-        Self { ground: Ground::Natural, albedo: [0.3, 0.28, 0.24], detail: None, visible: true }
+        Self { ground: Ground::Natural, albedo: [0.3, 0.28, 0.24], detail: None, visible: true, sides: true }
     }
 }
 

@@ -1,8 +1,8 @@
-//! The body of water's walls at the domain's edge: upright, from the bed to the water's surface, never tessellated. A ray
-//! inside the water always has a way out.
+//! Walls at the domain's edge: upright, from below to a surface, never tessellated. They close the body of water, so that
+//! a ray inside always has a way out, and the block of ground under the bed.
 //!
-//! A wall is hit where the ray crosses its plane and the bed lies under the crossing and the water above it, both
-//! evaluated from their splines. The edge itself belongs to the wall, with a little room for rounding, so that no ray
+//! A wall is hit where the ray crosses its plane between its lower and its upper end, both evaluated from their splines
+//! there. The edge itself belongs to the wall, with a little room for rounding, so that no ray
 //! slips out between wall and surface.
 
 use std::sync::Arc;
@@ -14,11 +14,18 @@ use super::{LANES, LaneHits, LaneRays, LaneSurface, SolveCounts, SplineSurface};
 /// Axis (0: x, 1: z), end of the domain (0: least, 1: greatest) and outward normal of each wall: west, east, north, south.
 const WALLS: [(usize, usize, Vec3); 4] = [(0, 0, Vec3::NEG_X), (0, 1, Vec3::X), (1, 0, Vec3::NEG_Z), (1, 1, Vec3::Z)];
 
+/// The lower end of walls.
+#[derive(Clone, Debug)]
+enum Foot {
+    Surface(Arc<SplineSurface>),
+    Level(f64),
+}
+
 /// The four walls; primitive 0 west, 1 east, 2 north, 3 south.
 #[derive(Clone, Debug)]
 pub struct Sides {
-    water: Arc<SplineSurface>,
-    bed: Option<Arc<SplineSurface>>,
+    top: Arc<SplineSurface>,
+    foot: Foot,
     /// Room for rounding along the walls (m).
     slack: f64,
     /// Box around the walls.
@@ -28,28 +35,47 @@ pub struct Sides {
 impl Sides {
     /// Walls between a water surface and its bed; without a bed they reach down to the water's lowest height.
     pub fn new(water: Arc<SplineSurface>, bed: Option<Arc<SplineSurface>>) -> Self {
-        // Single-precision rays are rounded to this much at the domain's far corner.
-        let [low, high] = water.bounds();
-        let slack = 4.0 * f64::from(f32::EPSILON) * f64::from(low.abs().max(high.abs()).max_element());
-        let floor = bed.as_ref().map_or(low.y, |bed| low.y.min(bed.bounds()[0].y));
-        let room = Vec3::splat(slack as f32);
-        let bounds = [low.with_y(floor) - room, high + room];
-        Self { water, bed, slack, bounds }
+        match bed {
+            Some(bed) => {
+                let floor = bed.bounds()[0].y;
+                Self::between(water, Foot::Surface(bed), floor)
+            }
+            None => {
+                let floor = water.bounds()[0].y;
+                Self::between(water, Foot::Level(f64::from(floor)), floor)
+            }
+        }
     }
 
-    /// Heights of bed and water over a point of the domain's edge; `None` where there is no water.
+    /// Walls of the block of ground under a bed: a twelfth of the domain's shorter side deeper than its lowest point.
+    pub fn of_ground(bed: Arc<SplineSurface>) -> Self {
+        let [low, high] = bed.bounds();
+        let floor = low.y - (high.x - low.x).min(high.z - low.z) / 12.0;
+        Self::between(bed, Foot::Level(f64::from(floor)), floor)
+    }
+
+    fn between(top: Arc<SplineSurface>, foot: Foot, floor: f32) -> Self {
+        // Single-precision rays are rounded to this much at the domain's far corner.
+        let [low, high] = top.bounds();
+        let slack = 4.0 * f64::from(f32::EPSILON) * f64::from(low.abs().max(high.abs()).max_element());
+        let room = Vec3::splat(slack as f32);
+        let bounds = [low.with_y(low.y.min(floor)) - room, high + room];
+        Self { top, foot, slack, bounds }
+    }
+
+    /// Lower and upper end over a point of the domain's edge; `None` where there is no wall.
     fn span(&self, x: f64, z: f64) -> Option<[f64; 2]> {
-        let (top, _) = self.water.point(x, z)?;
-        let bottom = match &self.bed {
-            Some(bed) => bed.point(x, z)?.0,
-            None => self.water.height_range()?[0],
+        let (top, _) = self.top.point(x, z)?;
+        let bottom = match &self.foot {
+            Foot::Surface(surface) => surface.point(x, z)?.0,
+            Foot::Level(level) => *level,
         };
         (bottom <= top).then_some([bottom, top])
     }
 
     /// The first wall that a ray hits within `range`: t, wall, and place along and up the wall.
     fn first(&self, origin: [f64; 3], direction: [f64; 3], range: [f64; 2]) -> Option<(f64, u32, [f64; 2])> {
-        let domain = self.water.lattice().domain.map(|corner| self.water.lattice().from_cell(corner));
+        let domain = self.top.lattice().domain.map(|corner| self.top.lattice().from_cell(corner));
         let mut first: Option<(f64, u32, [f64; 2])> = None;
         for (wall, &(axis, end, _)) in WALLS.iter().enumerate() {
             let (across, along) = if axis == 0 { (0, 2) } else { (2, 0) };
