@@ -147,6 +147,8 @@ pub(crate) trait Simd: Copy + Send + Sync + 'static {
     /// Bit `i` of the result is lane `i`.
     fn bits(self, mask: Self::M) -> u32;
     /// Lane `i` from bit `i`.
+    // `self` is the instruction set, not the value made: every method of this trait takes it.
+    #[allow(clippy::wrong_self_convention)]
     fn from_bits(self, bits: u32) -> Self::M;
 
     /// `table[index]` per lane, for indices 0..16.
