@@ -1,6 +1,6 @@
 //! Finished pictures → files: EXR with every layer and attribute, PNG/JPEG/BMP/TIFF through a view transform.
 //!
-//! The picture and its metadata are the contract with the render room; [`write`] chooses the format by extension and
+//! The picture and its metadata are the contract with the render room; [`write()`] chooses the format by extension and
 //! writes whole files only. Formats are fixed by FORMATS.md, section 3.
 
 mod attributes;

@@ -1,6 +1,6 @@
 //! The scene file: TOML → plain data, its JSON Schema, and errors with file, line and column.
 //!
-//! [`load`] is the way in. Whether the files that a scene names exist is not looked at here: the rooms that read them say so.
+//! [`load()`] is the way in. Whether the files that a scene names exist is not looked at here: the rooms that read them say so.
 
 mod check;
 mod document;

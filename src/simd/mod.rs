@@ -1,6 +1,6 @@
 //! Vector types over `std::arch` and the choice of instruction set at start.
 //!
-//! A kernel is written once, generic over [`Simd`], and run through [`dispatch`]: one entry point per instruction set,
+//! A kernel is written once, generic over `Simd`, and run through `dispatch`: one entry point per instruction set,
 //! chosen by name at run time. Everything a kernel calls must be `#[inline(always)]`, or it leaves the entry point's
 //! instruction set. The `unsafe` of the intrinsics stays in this room: values of a vector type can only be made from a
 //! token, and a token only after the processor was asked.
@@ -145,6 +145,8 @@ pub(crate) trait Simd: Copy + Send + Sync + 'static {
     /// Bit `i` of the result is lane `i`.
     fn bits(self, mask: Self::M) -> u32;
     /// Lane `i` from bit `i`.
+    // `self` is the instruction set, not the value made: every method of this trait takes it.
+    #[allow(clippy::wrong_self_convention)]
     fn from_bits(self, bits: u32) -> Self::M;
 
     /// `table[index]` per lane, for indices 0..16.

@@ -470,6 +470,8 @@ fn lane_basis<S: Simd, const K: usize>(s: S, u: S::F) -> ([S::F; K], [S::F; K]) 
         }
     };
     let (mut values, mut slopes) = ([zero; K], [zero; K]);
+    // Registers, not memory: a loop of known length leaves them there.
+    #[allow(clippy::manual_memcpy)]
     for index in 0..K {
         values[index] = value[index];
         slopes[index] = slope[index];

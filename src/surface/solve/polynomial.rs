@@ -68,7 +68,10 @@ fn cubic_row<S: Simd>(simd: S, p: [S::F; 3], q: [S::F; 3]) -> [S::F; 4] {
 /// C(n,k) C(n,l) / C(2n,k+l) for n = K - 1.
 const fn product_weight(n: usize, k: usize, l: usize) -> f32 {
     const fn choose(n: usize, k: usize) -> usize {
-        if k == 0 { 1 } else { choose(n, k - 1) * (n + 1 - k) / k }
+        match k {
+            0 => 1,
+            _ => choose(n, k - 1) * (n + 1 - k) / k,
+        }
     }
     (choose(n, k) * choose(n, l)) as f32 / choose(2 * n, k + l) as f32
 }
