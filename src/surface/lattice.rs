@@ -136,6 +136,26 @@ impl Lattice {
         self.exists[patch / 64] >> (patch % 64) & 1 == 1
     }
 
+    /// The cell that answers for a place: the one it lies in, or where that has no patch, one with a patch that it
+    /// borders on to within single precision's rounding. So patches are closed: their borders belong to them.
+    pub(super) fn closed_cell(&self, at: [f64; 2], cell: [usize; 2]) -> [usize; 2] {
+        if self.exists(cell[0], cell[1]) {
+            return cell;
+        }
+        let mut candidates = [[cell[0]; 2], [cell[1]; 2]];
+        for axis in 0..2 {
+            let room = f64::from(f32::EPSILON) * (at[axis].abs() + 1.0);
+            let place = at[axis] - cell[axis] as f64;
+            if place <= room {
+                candidates[axis][1] = cell[axis].saturating_sub(1);
+            } else if place >= 1.0 - room {
+                candidates[axis][1] = (cell[axis] + 1).min(self.cells[axis] - 1);
+            }
+        }
+        let neighbours = [(1, 0), (0, 1), (1, 1)].map(|(a, b)| [candidates[0][a], candidates[1][b]]);
+        neighbours.into_iter().find(|&[i, j]| self.exists(i, j)).unwrap_or(cell)
+    }
+
     /// The order x order control heights of cell (i, j): `[row along z][column along x]`, unused entries zero.
     pub fn window(&self, i: usize, j: usize) -> [[f64; 4]; 4] {
         let mut window = [[0.0; 4]; 4];

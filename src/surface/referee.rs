@@ -57,6 +57,10 @@ fn stretches(lattice: &Lattice, origin: DVec3, direction: DVec3, t: [f64; 2]) ->
     }
     let clamp = |axis: usize, place: f64| place.floor().clamp(0.0, (lattice.cells[axis] - 1) as f64);
     let mut cell = [0, 1].map(|axis| clamp(axis, at[axis] + near * slope[axis]));
+    if slope == [0.0; 2] {
+        // A plumb ray stays in one cell: on a border, in one that has a patch.
+        cell = lattice.closed_cell(at, cell.map(|c| c as usize)).map(|c| c as f64);
+    }
     let mut here = near;
     let mut out = Vec::new();
     loop {

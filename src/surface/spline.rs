@@ -51,15 +51,15 @@ impl SplineSurface {
     fn locate(&self, x: f64, z: f64) -> Option<([usize; 2], [f64; 2])> {
         let at = self.lattice.to_cell(x, z);
         let mut cell = [0; 2];
-        let mut place = [0.0; 2];
         for axis in 0..2 {
             let [low, high] = [self.lattice.domain[0][axis], self.lattice.domain[1][axis]];
             if !(low..=high).contains(&at[axis]) {
                 return None;
             }
             cell[axis] = (at[axis] as usize).min(self.lattice.cells[axis] - 1);
-            place[axis] = at[axis] - cell[axis] as f64;
         }
+        let cell = self.lattice.closed_cell(at, cell);
+        let place = [at[0] - cell[0] as f64, at[1] - cell[1] as f64];
         self.lattice.exists(cell[0], cell[1]).then_some((cell, place))
     }
 

@@ -151,6 +151,13 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
                 start.slope[axis][lane] = direction[axis][lane] as f32;
             }
         }
+        let mut plumb = false;
+        for lane in 0..LANES {
+            plumb |= (direction[0][lane] == 0.0) & (direction[1][lane] == 0.0) & (start.length[lane] >= 0.0);
+        }
+        if plumb {
+            self.settle_plumb(&mut start, &origin, &direction);
+        }
         let inverse_step = 1.0 / self.pyramid.step;
         for lane in 0..LANES {
             let height = origin[2][lane] + start.base[lane] * direction[2][lane];
@@ -162,6 +169,23 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
             start.tolerance[lane] = rays.tolerance[lane] + rays.tolerance_growth * start.base[lane] as f32;
         }
         start
+    }
+
+    /// Plumb rays stay in one cell: on a border, in one that has a patch.
+    #[cold]
+    fn settle_plumb(&self, start: &mut Start, origin: &[[f64; LANES]; 3], direction: &[[f64; LANES]; 3]) {
+        for lane in (0..LANES).filter(|&lane| direction[0][lane] == 0.0 && direction[1][lane] == 0.0) {
+            if start.length[lane] >= 0.0 && self.rays.active >> lane & 1 == 1 {
+                let at = [origin[0][lane], origin[1][lane]];
+                let cell = self.lattice.closed_cell(at, [0, 1].map(|axis| start.cell[axis][lane] as usize));
+                for axis in 0..2 {
+                    start.cell[axis][lane] = cell[axis] as f32;
+                    // Within the cell: a whole 1 would be the next one's 0.
+                    let offset = (at[axis] - cell[axis] as f64).clamp(0.0, 1.0);
+                    start.offset[axis][lane] = (offset as f32).min(1.0f32.next_down());
+                }
+            }
+        }
     }
 
     /// Walks the lanes `first..first + S::LANES`.
