@@ -187,10 +187,10 @@ fn spray_is_drawn_as_spheres_discs_or_not_at_all() {
 fn brute_force_agrees_with_embree() {
     let (embree, brute) = (frame_0(&["--accel", "embree"]), frame_0(&["--accel", "brute"]));
     assert!(embree.metadata.scene_hash != brute.metadata.scene_hash, "both must have run");
-    // Hits agree to the solver's tolerance of 0.02 pixels, which moves edges by as much; a pixel's colour may then differ
-    // by 2 % of the contrast, in the few pixels that hold an edge.
+    // Water is solved alike by both; spheres and triangles differ in the last bits of t. That may turn half's rounding
+    // (2^-11 of a pixel) and, rarely, one sample of an edge; quadrilaterals are a hundred times as far.
     let difference = distance(&embree, &brute);
-    assert!(difference < 2e-3, "root mean square difference {difference}");
+    assert!(difference < 2e-4, "root mean square difference {difference}");
 }
 
 #[test]
