@@ -20,7 +20,7 @@ use pair::Pair;
 pub use crate::ffi::embree::EmbreeError;
 use crate::lower::{Discs, Lowered, Material, Part, Shape, Spheres, Triangles};
 use crate::scene::AccelKind;
-use crate::surface::{LaneSurface, SolveCounts};
+use crate::surface::{BruteSurface, LaneSurface, SolveCounts};
 
 /// No part was hit.
 pub const NO_PART: u32 = u32::MAX;
@@ -161,9 +161,13 @@ impl From<&Shape> for Geometry {
     }
 }
 
-/// Geometry with its parts' indices.
-fn geometry_of(parts: &[Part], chosen: impl Fn(&Part) -> bool) -> Vec<(u32, Geometry)> {
-    (0..).zip(parts).filter(|(_, part)| chosen(part)).map(|(index, part)| (index, (&part.shape).into())).collect()
+/// Geometry with its parts' indices. Brute force gets splines without their walk: every patch is asked.
+fn geometry_of(parts: &[Part], kind: AccelKind, chosen: impl Fn(&Part) -> bool) -> Vec<(u32, Geometry)> {
+    let geometry = |part: &Part| match (&part.shape, kind) {
+        (Shape::Surface(surface), AccelKind::Brute) => Geometry::Lanes(Arc::new(BruteSurface(Arc::clone(surface)))),
+        (shape, _) => shape.into(),
+    };
+    (0..).zip(parts).filter(|(_, part)| chosen(part)).map(|(index, part)| (index, geometry(part))).collect()
 }
 
 /// Counts by kind, of the kinds that are there.
@@ -269,10 +273,10 @@ pub trait Accelerator: Send + Sync {
 /// Embree is asked for and missing, or a part cannot be given to it.
 pub fn build(lowered: &Lowered, water: AccelKind, objects: AccelKind) -> Result<Box<dyn Accelerator>, AccelError> {
     if water == objects {
-        return one(geometry_of(&lowered.parts, |_| true), water);
+        return one(geometry_of(&lowered.parts, water, |_| true), water);
     }
-    let water = one(geometry_of(&lowered.parts, on_water_axis), water)?;
-    let objects = one(geometry_of(&lowered.parts, |part| !on_water_axis(part)), objects)?;
+    let water = one(geometry_of(&lowered.parts, water, on_water_axis), water)?;
+    let objects = one(geometry_of(&lowered.parts, objects, |part| !on_water_axis(part)), objects)?;
     Ok(Box::new(Pair { water, objects }))
 }
 

@@ -1,6 +1,7 @@
 //! The water and the bed as height functions: uniform B-splines over the columns.
 
 pub mod audit;
+mod brute;
 pub mod control;
 mod lanes;
 mod lattice;
@@ -13,6 +14,7 @@ mod spline;
 pub mod tessellate;
 mod walk;
 
+pub use brute::BruteSurface;
 pub use lanes::{LANES, LaneHits, LaneRays, LaneSurface, SurfacePoint};
 pub use lattice::{Lattice, LatticeError, basis};
 pub use sides::Sides;

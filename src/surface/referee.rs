@@ -134,6 +134,53 @@ pub fn first_hit(lattice: &Lattice, origin: DVec3, direction: DVec3, t: [f64; 2]
     None
 }
 
+/// The first hit with one patch alone, and whether its polynomial had to be solved; `None` where the ray does not pass
+/// over the cell within `range`.
+pub(super) fn patch_hit(
+    lattice: &Lattice,
+    cell: [usize; 2],
+    origin: DVec3,
+    direction: DVec3,
+    range: [f64; 2],
+) -> Option<(Option<RefereeHit>, bool)> {
+    let at = lattice.to_cell(origin.x, origin.z);
+    let slope = [direction.x / lattice.width[0], direction.z / lattice.width[1]];
+    let [mut near, mut far] = range;
+    for axis in 0..2 {
+        let low = (cell[axis] as f64).max(lattice.domain[0][axis]);
+        let high = (cell[axis] as f64 + 1.0).min(lattice.domain[1][axis]);
+        if slope[axis] == 0.0 {
+            if !(low..=high).contains(&at[axis]) {
+                return None;
+            }
+        } else {
+            let (a, b) = ((low - at[axis]) / slope[axis], (high - at[axis]) / slope[axis]);
+            near = near.max(a.min(b));
+            far = far.min(a.max(b));
+        }
+    }
+    // Heights end every ray that the cell does not; a little room keeps water at either extreme.
+    let [low, high] = [lattice.extent[0] - 1.0, lattice.extent[1] + 1.0];
+    if direction.y != 0.0 {
+        let (a, b) = ((low - origin.y) / direction.y, (high - origin.y) / direction.y);
+        near = near.max(a.min(b));
+        far = far.min(a.max(b));
+    }
+    if near > far || !far.is_finite() {
+        return None;
+    }
+    let (polynomial, ray) = polynomial(lattice, origin, direction, &Stretch { cell, t: [near, far] });
+    let (s, touch) = match polynomial.first_root(1e-15) {
+        Root::At(s) => (s, false),
+        Root::Touch(s) => (s, true),
+        Root::None => return Some((None, polynomial.variations() > 0)),
+    };
+    let along = |ends: [f64; 2]| (ends[0] + s * (ends[1] - ends[0])).clamp(0.0, 1.0);
+    let patch = (cell[1] * lattice.cells[0] + cell[0]) as u32;
+    let hit = RefereeHit { t: near + s * (far - near), patch, uv: [along(ray.u), along(ray.v)], touch };
+    Some((Some(hit), true))
+}
+
 /// Whether the surface stays within `distance` (m, vertical) of the ray over all of `t`: then two answers at its ends
 /// are both right, and the ray is tangent for practical purposes.
 pub fn stays_within(lattice: &Lattice, origin: DVec3, direction: DVec3, t: [f64; 2], distance: f64) -> bool {

@@ -134,7 +134,7 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
             let base = if back > tnear[lane] { back } else { tnear[lane] };
             let length = far[lane] - base;
             // Not finite: a ray that never leaves, because it is none.
-            let meets = (length >= 0.0) & (length < f64::INFINITY);
+            let meets = (0.0..f64::INFINITY).contains(&length);
             start.base[lane] = if meets { base } else { 0.0 };
             start.length[lane] = if meets { length as f32 } else { -1.0 };
             start.entered[lane] = (base - tnear[lane]) as f32;
