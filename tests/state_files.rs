@@ -11,7 +11,7 @@ use whitewater::state::{
 };
 use zip::write::SimpleFileOptions;
 
-/// m; FORMATS: a column under it is dry.
+/// m; docs/formats.md: a column under it is dry.
 const DRY: f64 = 0.001;
 
 fn here(path: &str) -> PathBuf {

@@ -297,13 +297,7 @@ impl<P> CommittedScene<P> {
     /// Whether one ray hits anything: `tfar` becomes -inf where it does.
     pub(crate) fn occluded1(&self, ray: &mut RTCRay, payload: &mut P) {
         let mut context = Context::new(payload);
-        let mut arguments = RTCOccludedArguments {
-            flags: RTCRayQueryFlags::RTC_RAY_QUERY_FLAG_INCOHERENT,
-            feature_mask: RTCFeatureFlags::RTC_FEATURE_FLAG_ALL,
-            context: (&raw mut context).cast(),
-            filter: None,
-            occluded: None,
-        };
+        let mut arguments = occluded_arguments(&mut context);
         // SAFETY: as in `intersect16`.
         unsafe { self.scene.device.embree().rtcOccluded1(self.scene.handle, ray, &mut arguments) };
     }
@@ -311,13 +305,7 @@ impl<P> CommittedScene<P> {
     /// Whether up to 16 rays hit anything: `tfar` becomes -inf where they do. In parts, as `intersect16`.
     pub(crate) fn occluded16(&self, valid: &Valid16, rays: &mut RTCRay16, payload: &mut P) {
         let mut context = Context::new(payload);
-        let mut arguments = RTCOccludedArguments {
-            flags: RTCRayQueryFlags::RTC_RAY_QUERY_FLAG_INCOHERENT,
-            feature_mask: RTCFeatureFlags::RTC_FEATURE_FLAG_ALL,
-            context: (&raw mut context).cast(),
-            filter: None,
-            occluded: None,
-        };
+        let mut arguments = occluded_arguments(&mut context);
         let (embree, scene) = (self.scene.device.embree(), self.scene.handle);
         // SAFETY: as in `intersect16`.
         unsafe {
@@ -332,6 +320,16 @@ impl<P> CommittedScene<P> {
                 }),
             }
         }
+    }
+}
+
+fn occluded_arguments<P>(context: &mut Context<P>) -> RTCOccludedArguments {
+    RTCOccludedArguments {
+        flags: RTCRayQueryFlags::RTC_RAY_QUERY_FLAG_INCOHERENT,
+        feature_mask: RTCFeatureFlags::RTC_FEATURE_FLAG_ALL,
+        context: std::ptr::from_mut(context).cast(),
+        filter: None,
+        occluded: None,
     }
 }
 

@@ -58,7 +58,7 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// The program's exit code (FORMATS section 3).
+    /// The program's exit code (docs/formats.md, section 3).
     pub fn code(self) -> u8 {
         match self {
             Self::Done => 0,

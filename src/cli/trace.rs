@@ -1,4 +1,4 @@
-//! `whitewater trace`: the answers to single rays of a file, polished in double precision (FORMATS section 2).
+//! `whitewater trace`: the answers to single rays of a file, polished in double precision (docs/formats.md, section 2).
 //!
 //! Each ray is looked up by the scene's accelerator and solver in single precision around the scene origin, from near
 //! the scene's box on; what is hit is then moved onto it in double precision, against the ray as given. Reading,
@@ -32,7 +32,7 @@ use crate::surface::{LaneSurface, SolveCounts};
 const CHUNK: usize = 4096;
 /// How often a ray is sent on that finds only what lies behind its beginning, by single precision's rounding.
 const PASSES: usize = 4;
-/// What a frame may have by FORMATS, whether this one has it or not.
+/// What a frame may have by docs/formats.md, whether this one has it or not.
 const ALWAYS_KNOWN: [&str; 4] = ["water", "water_sides", "terrain", "spray"];
 
 /// Runs the command.

@@ -185,7 +185,7 @@ impl FromStr for GridSize {
     type Err = Malformed;
 
     fn from_str(text: &str) -> Result<Self, Malformed> {
-        // Fewer than 3x3 columns is no frame (FORMATS section 1); 16384 squared is a gigabyte of heights.
+        // Fewer than 3x3 columns is no frame (docs/formats.md, section 1); 16384 squared is a gigabyte of heights.
         let count = |digits: &str| digits.parse::<u32>().ok().filter(|count| (3..=16384).contains(count));
         let size = text.split_once('x').and_then(|(nx, nz)| Some(Self { nx: count(nx)?, nz: count(nz)? }));
         size.ok_or_else(|| malformed("columns as NXxNZ, each from 3 to 16384, as 400x400"))

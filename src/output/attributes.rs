@@ -1,4 +1,4 @@
-//! A picture's metadata ↔ named, typed attributes as OpenEXR defines them (FORMATS, section 3).
+//! A picture's metadata ↔ named, typed attributes as OpenEXR defines them (docs/formats.md, section 3).
 //! Both EXR writers put down this one list; each spells and places it in its own way.
 
 use exr::{

@@ -1,4 +1,4 @@
-//! The layers that a user names (`--layers beauty,z,n`) and the channels that they stand for (FORMATS, section 3).
+//! The layers that a user names (`--layers beauty,z,n`) and the channels that they stand for (docs/formats.md, section 3).
 
 use super::{OutputError, Picture};
 

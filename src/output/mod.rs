@@ -1,7 +1,7 @@
 //! Finished pictures → files: EXR with every layer and attribute, PNG/JPEG/BMP/TIFF through a view transform.
 //!
 //! The picture and its metadata are the contract with the render room; [`write()`] chooses the format by extension and
-//! writes whole files only. Formats are fixed by FORMATS.md, section 3.
+//! writes whole files only. Formats are fixed by docs/formats.md, section 3.
 
 mod attributes;
 mod display;
@@ -39,7 +39,7 @@ pub enum SampleType {
 /// One channel over the data window.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
-    /// Full name, as `R`, `N.x`, `reflection.G` (FORMATS section 3).
+    /// Full name, as `R`, `N.x`, `reflection.G` (docs/formats.md, section 3).
     pub name: String,
     /// Storage.
     pub sample_type: SampleType,
@@ -73,7 +73,7 @@ pub struct Picture {
     pub metadata: Metadata,
 }
 
-/// What is known about a picture (FORMATS section 3, attributes).
+/// What is known about a picture (docs/formats.md, section 3, attributes).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Metadata {
     /// World (files' frame, m) → camera: left-handed, +z forward, +x right, +y up; row vectors (p M), as OpenEXR stores it.

@@ -100,7 +100,7 @@ impl Picture {
     }
 }
 
-/// Letters, digits and underscores in at most three parts: what Nuke keeps as it is (FORMATS, section 3).
+/// Letters, digits and underscores in at most three parts: what Nuke keeps as it is (docs/formats.md, section 3).
 fn valid_name(name: &str) -> bool {
     let part = |p: &str| {
         p.starts_with(|c: char| c.is_ascii_alphabetic()) && p.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')

@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3, Vec3};
 
 use super::RenderError;
 
-/// Height of the film back (mm), to which focal length and f-number refer (FORMATS section 3).
+/// Height of the film back (mm), to which focal length and f-number refer (docs/formats.md, section 3).
 pub const FILM_BACK_MM: f64 = 24.0;
 
 /// Where the eye is and what it looks at, at one moment.

@@ -1,4 +1,4 @@
-//! Sums of samples per pixel, and the channels that they become (FORMATS section 3).
+//! Sums of samples per pixel, and the channels that they become (docs/formats.md, section 3).
 //!
 //! Every contribution of light goes through [`FilmTile::add`] into exactly one layer, so the layers add up to the beauty
 //! by construction, and no non-finite number gets in.

@@ -460,7 +460,8 @@ impl World<'_> {
     fn ambient_below(&self, normal: Vec3, depth: f32) -> Vec3 {
         let look = &self.water;
         let level = self.sky.irradiance(Vec3::Y) * look.diffuse_transmittance;
-        level * transmittance(look.absorption, look.diffuse_path * depth) * (0.5 + 0.5 * normal.y)
+        let (from_above, from_bed) = (0.5 + 0.5 * normal.y, 0.5 - 0.5 * normal.y);
+        level * transmittance(look.absorption, look.diffuse_path * depth) * (from_above + self.bed_albedo * from_bed)
     }
 
     /// Gain of a bed's light from what the surface above sends back down to it, over and over: 1 / (1 - albedo r T^2).

@@ -153,6 +153,8 @@ pub(super) struct World<'a> {
     pub(super) camera: Camera,
     pub(super) sampler: Sampler,
     pub(super) sky_visible: bool,
+    /// Albedo of the bed at large, for what it throws back at things above it under water: the ground's of the sky.
+    pub(super) bed_albedo: Vec3,
     /// Reflections and refractions that are followed.
     pub(super) depth: u16,
     /// The eye is in the water.
@@ -200,6 +202,7 @@ impl<'a> World<'a> {
             camera,
             sampler: Sampler::new(&scene.render),
             sky_visible: scene.sky.visible,
+            bed_albedo: Vec3::from_array(scene.sky.ground_albedo.map(|value| value as f32)),
             depth: scene.render.depth.min(u32::from(u16::MAX)) as u16,
             eye_in_water: over_bed && level.is_some_and(|level| eye.y < level),
             tolerance,

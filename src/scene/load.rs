@@ -161,7 +161,7 @@ mod tests {
         read_text(&format!("{COMPLETE}{text}"), set).unwrap_or_else(|errors| panic!("{text} {set:?}:\n{errors}"))
     }
 
-    /// The table of FORMATS.md section 2, key by key; null stands for "found out later" (from the frames or the pixel).
+    /// The table of docs/formats.md, section 2, key by key; null stands for "found out later" (from the frames or the pixel).
     #[test]
     fn every_fixed_key_has_its_fixed_default() {
         let defaults = json!({

@@ -26,35 +26,40 @@ struct Stretch {
     t: [f64; 2],
 }
 
-/// The cells under a ray within `t`, in order.
-fn stretches(lattice: &Lattice, origin: DVec3, direction: DVec3, t: [f64; 2]) -> Vec<Stretch> {
+/// The part of `range` over a rectangle of cell coordinates and within the heights that there are; `None` for none.
+fn clip(
+    lattice: &Lattice,
+    [low, high]: [[f64; 2]; 2],
+    origin: DVec3,
+    direction: DVec3,
+    range: [f64; 2],
+) -> Option<[f64; 2]> {
     let at = lattice.to_cell(origin.x, origin.z);
     let slope = [direction.x / lattice.width[0], direction.z / lattice.width[1]];
-    let [mut near, mut far] = t;
-    for axis in 0..2 {
-        let [low, high] = [lattice.domain[0][axis], lattice.domain[1][axis]];
-        if slope[axis] == 0.0 {
-            if !(low..=high).contains(&at[axis]) {
-                return Vec::new();
+    // Heights end every ray that the rectangle does not; a little room keeps water at either extreme.
+    let heights = [lattice.extent[0] - 1.0, lattice.extent[1] + 1.0];
+    let slabs =
+        [(at[0], slope[0], [low[0], high[0]]), (at[1], slope[1], [low[1], high[1]]), (origin.y, direction.y, heights)];
+    let [mut near, mut far] = range;
+    for (place, speed, [low, high]) in slabs {
+        if speed == 0.0 {
+            if !(low..=high).contains(&place) {
+                return None;
             }
         } else {
-            let (a, b) = ((low - at[axis]) / slope[axis], (high - at[axis]) / slope[axis]);
+            let (a, b) = ((low - place) / speed, (high - place) / speed);
             near = near.max(a.min(b));
             far = far.min(a.max(b));
         }
     }
-    // Also to the heights there are: a plumb ray has no other end. A little room keeps water at either extreme.
-    let [low, high] = [lattice.extent[0] - 1.0, lattice.extent[1] + 1.0];
-    if direction.y != 0.0 {
-        let (a, b) = ((low - origin.y) / direction.y, (high - origin.y) / direction.y);
-        near = near.max(a.min(b));
-        far = far.min(a.max(b));
-    } else if !(low..=high).contains(&origin.y) {
-        return Vec::new();
-    }
-    if near > far {
-        return Vec::new();
-    }
+    (near <= far && far.is_finite()).then_some([near, far])
+}
+
+/// The cells under a ray within `t`, in order.
+fn stretches(lattice: &Lattice, origin: DVec3, direction: DVec3, t: [f64; 2]) -> Vec<Stretch> {
+    let at = lattice.to_cell(origin.x, origin.z);
+    let slope = [direction.x / lattice.width[0], direction.z / lattice.width[1]];
+    let Some([near, far]) = clip(lattice, lattice.domain, origin, direction, t) else { return Vec::new() };
     let clamp = |axis: usize, place: f64| place.floor().clamp(0.0, (lattice.cells[axis] - 1) as f64);
     let mut cell = [0, 1].map(|axis| clamp(axis, at[axis] + near * slope[axis]));
     if slope == [0.0; 2] {
@@ -143,32 +148,10 @@ pub(super) fn patch_hit(
     direction: DVec3,
     range: [f64; 2],
 ) -> Option<(Option<RefereeHit>, bool)> {
-    let at = lattice.to_cell(origin.x, origin.z);
-    let slope = [direction.x / lattice.width[0], direction.z / lattice.width[1]];
-    let [mut near, mut far] = range;
-    for axis in 0..2 {
-        let low = (cell[axis] as f64).max(lattice.domain[0][axis]);
-        let high = (cell[axis] as f64 + 1.0).min(lattice.domain[1][axis]);
-        if slope[axis] == 0.0 {
-            if !(low..=high).contains(&at[axis]) {
-                return None;
-            }
-        } else {
-            let (a, b) = ((low - at[axis]) / slope[axis], (high - at[axis]) / slope[axis]);
-            near = near.max(a.min(b));
-            far = far.min(a.max(b));
-        }
-    }
-    // Heights end every ray that the cell does not; a little room keeps water at either extreme.
-    let [low, high] = [lattice.extent[0] - 1.0, lattice.extent[1] + 1.0];
-    if direction.y != 0.0 {
-        let (a, b) = ((low - origin.y) / direction.y, (high - origin.y) / direction.y);
-        near = near.max(a.min(b));
-        far = far.min(a.max(b));
-    }
-    if near > far || !far.is_finite() {
-        return None;
-    }
+    let axes = [0, 1];
+    let low = axes.map(|axis| (cell[axis] as f64).max(lattice.domain[0][axis]));
+    let high = axes.map(|axis| (cell[axis] as f64 + 1.0).min(lattice.domain[1][axis]));
+    let [near, far] = clip(lattice, [low, high], origin, direction, range)?;
     let (polynomial, ray) = polynomial(lattice, origin, direction, &Stretch { cell, t: [near, far] });
     let (s, touch) = match polynomial.first_root(1e-15) {
         Root::At(s) => (s, false),
