@@ -70,7 +70,10 @@ impl Audit {
                 if (t - exact.t).abs() / per_metre <= 1e-4 * column / cosine {
                     return;
                 }
-                if stays(exact.t, t) || dips_back(lattice, origin, direction, range, exact.t.min(t), column) {
+                // Before the first crossing there is none: an answer there on the surface is a touch.
+                let touches = t < exact.t && grazes(t);
+                if touches || stays(exact.t, t) || dips_back(lattice, origin, direction, range, exact.t.min(t), column)
+                {
                     &mut self.tangent
                 } else {
                     &mut self.wrong

@@ -207,6 +207,34 @@ mod tests {
     }
 
     #[test]
+    fn no_wall_is_missing_where_widths_are_not_short_in_binary() {
+        for (width, order) in
+            [0.1, 0.37, 0.81, 1.0 / 3.0].into_iter().flat_map(|w| (2..=4).map(move |order| (w, order)))
+        {
+            let (nx, nz) = (12, 10);
+            let columns = crate::state::Columns {
+                origin: [0.0; 2],
+                width: [width, 1.7 * width],
+                nx,
+                nz,
+                base: vec![0.0; nx * nz],
+                top: vec![1.0; nx * nz],
+                ..Default::default()
+            };
+            let settings = Surface { order, ..Default::default() };
+            let build = |lattice| Arc::new(SplineSurface::new(lattice, SolverKind::Univariate, SimdLevel::Portable));
+            let water = build(control::water(&columns, &settings, [0.0; 3]).unwrap().unwrap());
+            let bed = build(control::bed(&columns, &settings, [0.0; 3]).unwrap());
+            let sides = Sides::new(water, Some(bed));
+            for (wall, (_, _, normal)) in WALLS.iter().enumerate() {
+                let from = [5.3 * width, 0.5, 4.4 * 1.7 * width];
+                let hit = sides.first(from, normal.as_dvec3().to_array(), [0.0, 1e3]);
+                assert_eq!(hit.map(|hit| hit.1), Some(wall as u32), "width {width} order {order}");
+            }
+        }
+    }
+
+    #[test]
     fn no_ray_leaves_the_closed_body() {
         for order in 2..=4 {
             let (water, bed, sides) = body(order);

@@ -49,13 +49,17 @@ impl SplineSurface {
 
     /// Cell of a local x, z within the domain and the place in it; `None` outside, or where no patch exists.
     fn locate(&self, x: f64, z: f64) -> Option<([usize; 2], [f64; 2])> {
-        let at = self.lattice.to_cell(x, z);
+        let mut at = self.lattice.to_cell(x, z);
         let mut cell = [0; 2];
         for axis in 0..2 {
             let [low, high] = [self.lattice.domain[0][axis], self.lattice.domain[1][axis]];
-            if !(low..=high).contains(&at[axis]) {
+            // A place on the domain's edge, computed from it, comes back within a few units in the last place.
+            let offset = (self.lattice.corner[axis] / self.lattice.width[axis]).abs();
+            let room = 8.0 * f64::EPSILON * (offset + at[axis].abs() + 1.0);
+            if !(low - room..=high + room).contains(&at[axis]) {
                 return None;
             }
+            at[axis] = at[axis].clamp(low, high);
             cell[axis] = (at[axis] as usize).min(self.lattice.cells[axis] - 1);
         }
         let cell = self.lattice.closed_cell(at, cell);

@@ -97,21 +97,29 @@ impl PatchSolver for Univariate {
     }
 }
 
-/// Whether any coefficient is not positive, and whether the signs change exactly once (the first is positive).
+/// Share of the largest coefficient under which the last one's sign says nothing: a few times single precision's rounding
+/// of the coefficients.
+const NOISE: f32 = 1.0 / (1 << 20) as f32;
+
+/// Whether any coefficient is not positive, and whether the signs change exactly once (the first is positive) and the
+/// last is negative beyond doubt: a ray that leaves the surface again by the border of its patch has two crossings there,
+/// the second of which rounding may hide.
 #[inline(always)]
 fn variations<S: Simd, const D: usize>(simd: S, part: &[S::F; 7]) -> (S::M, S::M) {
     let zero = simd.splat(0.0);
     let mut below = simd.le(part[0], zero);
     let mut some = below;
     let mut rises = simd.from_bits(0);
+    let mut largest = part[0];
     for k in 1..=D {
         let here = simd.le(part[k], zero);
         rises = rises | (below & !here);
         some = some | here;
         below = here;
+        largest = simd.max(largest, simd.abs(part[k]));
     }
-    // A stretch that begins on the surface holds its root at its beginning.
-    (some, below & !rises)
+    let sure = simd.lt(simd.fma(largest, simd.splat(NOISE), part[D]), zero);
+    (some, sure & !rises)
 }
 
 /// The polynomial over [start, end], by de Casteljau's algorithm twice.
