@@ -97,17 +97,11 @@ fn audit(name: &str, columns: &Columns, rays_of: impl Fn(&Lattice) -> Vec<(Vec3,
             let surface = SplineSurface::new(lattice.clone(), solver, level);
             let (mut audit, mut counts) = (Audit::default(), SolveCounts::default());
             for packet in rays.chunks(LANES) {
-                let mut lanes = LaneRays::EMPTY;
-                for (lane, (origin, direction)) in packet.iter().enumerate() {
-                    for axis in 0..3 {
-                        lanes.origin[axis][lane] = origin[axis];
-                        lanes.direction[axis][lane] = direction[axis];
-                    }
-                    lanes.tfar[lane] = f32::INFINITY;
+                let mut lanes = LaneRays::unbounded(packet, 0.0);
+                for (lane, (_, direction)) in packet.iter().enumerate() {
                     // A millionth of a column, in lengths of the direction.
                     let length = direction.as_dvec3().length();
                     lanes.tolerance[lane] = (1e-6 * columns.width[0] / length).min(f32::MAX.into()) as f32;
-                    lanes.active |= 1 << lane;
                 }
                 let mut hits = LaneHits::EMPTY;
                 surface.closest(&lanes, &mut hits, &mut counts);

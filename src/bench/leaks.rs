@@ -18,16 +18,7 @@ pub fn leaks(surface: &SplineSurface, size: [usize; 2], count: usize, seed: u64)
             let rays = work::border_rays(size, chunk.min(count - block * chunk), seed + block as u64);
             let mut leaked = 0;
             for packet in rays.chunks(LANES) {
-                let mut lanes = LaneRays::EMPTY;
-                for (lane, (origin, direction)) in packet.iter().enumerate() {
-                    for axis in 0..3 {
-                        lanes.origin[axis][lane] = origin[axis];
-                        lanes.direction[axis][lane] = direction[axis];
-                    }
-                    lanes.tfar[lane] = f32::INFINITY;
-                    lanes.tolerance[lane] = 1e-5;
-                    lanes.active |= 1 << lane;
-                }
+                let lanes = LaneRays::unbounded(packet, 1e-5);
                 let mut hits = LaneHits::EMPTY;
                 let mut counts = SolveCounts::default();
                 surface.closest(&lanes, &mut hits, &mut counts);

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 use super::{Discs, Lowered, Material, Part, Shape, Spheres, Triangles};
 use crate::particles::{self, Spray};
@@ -232,11 +232,6 @@ pub fn points_to_frame(columns: &Columns, dry_threshold: f64) -> Vec<DVec3> {
         .filter(|&index| wet[index] || !any)
         .map(|index| point(index, if any { columns.top[index] } else { columns.base[index] }))
         .collect()
-}
-
-/// A position of the local frame in the files' frame (m).
-pub fn to_world(lowered: &Lowered, position: Vec3) -> DVec3 {
-    lowered.origin + position.as_dvec3()
 }
 
 #[cfg(test)]

@@ -2,9 +2,7 @@
 
 mod frame;
 
-pub use frame::{
-    Environment, LowerError, LoweredFrame, TERRAIN_SIDES, View, lower, points_to_frame, scene_origin, to_world,
-};
+pub use frame::{Environment, LowerError, LoweredFrame, TERRAIN_SIDES, View, lower, points_to_frame, scene_origin};
 
 use std::sync::Arc;
 

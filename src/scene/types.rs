@@ -371,7 +371,7 @@ pub struct Camera {
     /// Distance in focus (m); by default the distance to `look_at`.
     #[schemars(range(min = 0.000001, max = 1000000000000.0))]
     pub focus: Option<f64>,
-    /// Exposure time in fractions of a frame (recorded; used by motion blur).
+    /// Exposure time in fractions of a frame (recorded in the picture).
     #[schemars(range(min = 0.0, max = 1.0))]
     pub shutter: f64,
     /// A path: keys by frame, smooth in position and direction.

@@ -38,6 +38,21 @@ impl LaneRays {
         tolerance_growth: 0.0,
         active: 0,
     };
+
+    /// Up to sixteen rays (origin, direction) from t = 0 on without end, with one tolerance (in t); more are left out.
+    pub fn unbounded(rays: &[(Vec3, Vec3)], tolerance: f32) -> Self {
+        let mut lanes = Self::EMPTY;
+        for (lane, (origin, direction)) in rays.iter().enumerate().take(LANES) {
+            for axis in 0..3 {
+                lanes.origin[axis][lane] = origin[axis];
+                lanes.direction[axis][lane] = direction[axis];
+            }
+            lanes.tfar[lane] = f32::INFINITY;
+            lanes.tolerance[lane] = tolerance;
+            lanes.active |= 1 << lane;
+        }
+        lanes
+    }
 }
 
 /// Answers of a packet: only lanes whose bit is set in `hit` are written.

@@ -40,16 +40,7 @@ fn compare(surface: &SplineSurface, rays: &[(Vec3, Vec3)]) -> (Audit, u64) {
     let mut audit = Audit::default();
     let mut counts = SolveCounts::default();
     for packet in rays.chunks(LANES) {
-        let mut lanes = LaneRays::EMPTY;
-        for (lane, (origin, direction)) in packet.iter().enumerate() {
-            for axis in 0..3 {
-                lanes.origin[axis][lane] = origin[axis];
-                lanes.direction[axis][lane] = direction[axis];
-            }
-            lanes.tfar[lane] = f32::INFINITY;
-            lanes.tolerance[lane] = 1e-6;
-            lanes.active |= 1 << lane;
-        }
+        let lanes = LaneRays::unbounded(packet, 1e-6);
         let mut hits = LaneHits::EMPTY;
         surface.closest(&lanes, &mut hits, &mut counts);
         let any = surface.occluded(&lanes, &mut counts);
