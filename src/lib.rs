@@ -3,7 +3,7 @@
 //! Data flows one way through the rooms of this crate:
 //!
 //! ```text
-//! files → scene → state → surface, particles, terrain → lower → accel → render → output
+//! files → scene → state (or sim) → surface, particles, terrain → lower → accel → render → output
 //! ```
 //!
 //! | room | what lives there |
@@ -12,6 +12,7 @@
 //! | [`simd`] | 16- and 8-lane vectors, the choice of instruction set at start |
 //! | [`scene`] | the TOML file → plain data, its schema, its errors |
 //! | [`state`] | `model.state`, `time###.state`, NPZ |
+//! | [`sim`] | the simulation that makes frames: columns, pipes, spray |
 //! | [`surface`] | the water and the bed as B-splines: lattice, bounds, solvers, the other representations |
 //! | [`particles`] | spray: radius, colour, opacity |
 //! | [`terrain`] | meshes, panels, boulders, the look of the ground |
@@ -41,6 +42,7 @@ pub mod output;
 pub mod particles;
 pub mod render;
 pub mod scene;
+pub mod sim;
 pub mod state;
 pub mod surface;
 pub mod terrain;

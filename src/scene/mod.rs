@@ -9,10 +9,12 @@ mod load;
 mod overrides;
 mod rules;
 mod shape;
+mod simulation;
 mod types;
 
 pub use errors::{Place, SceneError, SceneErrors};
 pub use load::{LoadedScene, MOST_BYTES, load};
 pub use overrides::Override;
 pub use shape::{names_of, schema};
+pub use simulation::*;
 pub use types::*;

@@ -1,11 +1,13 @@
 //! The scene as plain data: what the TOML file says, with every default filled in.
 //!
-//! These types are the only list of keys: the reader, the JSON Schema and the nearest-key hints are made from them.
+//! These types and those of `simulation` are the only list of keys: the reader, the JSON Schema and the nearest-key hints are made from them.
 //! Angles are degrees and lengths metres, as a person would write them.
 //! Every number has a range, wide enough for any scene and narrow enough that no product of a few overflows single precision.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use super::Simulation;
 
 /// A whole scene file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -37,6 +39,8 @@ pub struct Scene {
     pub accel: Accel,
     /// How pictures are written.
     pub output: Output,
+    /// How the frames are made.
+    pub simulation: Option<Simulation>,
 }
 
 /// `[frames]`.
