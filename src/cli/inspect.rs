@@ -48,9 +48,14 @@ fn inspect(
 ) -> Result<(), InspectError> {
     let mut failed = 0;
     let mut list = Vec::new();
+    let table = (!as_json && paths.len() > MOST_IN_FULL).then(|| Table::new(paths));
+    if let Some(table) = &table {
+        table.head(out)?;
+    }
     for (i, path) in paths.iter().enumerate() {
         match look(path, dry_threshold) {
             Ok(content) if as_json => list.push(content.json(path)),
+            Ok(content) if let Some(table) = &table => table.row(path, &content, out)?,
             Ok(content) => {
                 if i > 0 {
                     writeln!(out)?;
@@ -80,6 +85,95 @@ fn inspect(
     }
 }
 
+/// More files than this get a line each.
+const MOST_IN_FULL: usize = 3;
+
+/// One line for each of many files.
+struct Table<'a> {
+    /// Of all files, if they have one.
+    folder: Option<&'a Path>,
+    /// Of the longest name.
+    width: usize,
+}
+
+/// The columns of the table after the file's name: a title of two lines, and how wide it is.
+const TITLES: [(&str, &str, usize); 9] = [
+    ("time", "s", 9),
+    ("columns", "", 11),
+    ("wet", "%", 6),
+    ("mean depth", "m", 11),
+    ("greatest", "m", 9),
+    ("fastest", "m/s", 9),
+    ("water", "m3", 12),
+    ("particles", "", 10),
+    ("spray", "kg", 10),
+];
+
+impl<'a> Table<'a> {
+    fn new(paths: &'a [PathBuf]) -> Self {
+        let folder = paths[0].parent().filter(|folder| !folder.as_os_str().is_empty());
+        let folder = folder.filter(|folder| paths.iter().all(|path| path.parent() == Some(*folder)));
+        let mut table = Self { folder, width: 0 };
+        table.width = paths.iter().map(|path| table.name(path).chars().count()).max().unwrap_or(0);
+        table
+    }
+
+    fn name(&self, path: &Path) -> String {
+        match (self.folder, path.file_name()) {
+            (Some(_), Some(name)) => Path::new(name).display().to_string(),
+            _ => path.display().to_string(),
+        }
+    }
+
+    fn head(&self, out: &mut impl Write) -> io::Result<()> {
+        if let Some(folder) = self.folder {
+            writeln!(out, "{}", folder.display())?;
+        }
+        for line in [0, 1] {
+            write!(out, "{:<width$}", "", width = self.width)?;
+            for (title, unit, width) in TITLES {
+                write!(out, " {:>width$}", if line == 0 { title } else { unit })?;
+            }
+            writeln!(out)?;
+        }
+        Ok(())
+    }
+
+    fn row(&self, path: &Path, content: &Content, out: &mut impl Write) -> io::Result<()> {
+        write!(out, "{:<width$}", self.name(path), width = self.width)?;
+        match content {
+            Content::Model(model) => {
+                let (panels, spheres, meshes) = (model.panels, model.spheres, model.meshes.len());
+                writeln!(out, "   model: {panels} panels, {spheres} spheres, {meshes} meshes")
+            }
+            Content::Frame(_, frame) => {
+                let [nx, nz] = frame.columns;
+                let short = |value: f64| figure(four_digits(value));
+                let texts = [
+                    short(frame.time),
+                    format!("{nx}x{nz}"),
+                    format!("{:.1}", 100.0 * frame.wet_share),
+                    short(frame.mean_depth.unwrap_or(0.0)),
+                    short(frame.depth.map_or(0.0, |depth| depth.max)),
+                    short(frame.flow_speed.map_or(0.0, |speed| speed.max)),
+                    figure(frame.volume),
+                    frame.particles.count.to_string(),
+                    short(frame.particles.total_mass),
+                ];
+                for (text, (_, _, width)) in texts.iter().zip(TITLES) {
+                    write!(out, " {text:>width$}")?;
+                }
+                writeln!(out)
+            }
+        }
+    }
+}
+
+/// The nearest number of four significant digits.
+fn four_digits(value: f64) -> f64 {
+    format!("{value:.3e}").parse().unwrap_or(value)
+}
+
 /// What one file holds.
 enum Content {
     Frame(Encoding, Box<FrameSummary>),
@@ -88,10 +182,7 @@ enum Content {
 
 fn look(path: &Path, dry_threshold: f64) -> Result<Content, StateError> {
     Ok(match state::detect(path)? {
-        FileKind::Frame(encoding) => {
-            let frame = state::read_frame(path, dry_threshold)?;
-            Content::Frame(encoding, Box::new(FrameSummary::new(&frame, dry_threshold)))
-        }
+        FileKind::Frame(encoding) => Content::Frame(encoding, Box::new(FrameSummary::of_file(path, dry_threshold)?)),
         FileKind::Model => Content::Model(ModelSummary::new(&state::read_model(path)?)),
     })
 }
@@ -156,6 +247,10 @@ fn frame_lines(encoding: Encoding, frame: &FrameSummary) -> Vec<(&'static str, S
         lines.push(("  speed", range(speed, "m/s")));
         lines.push(("  age", range(age, "s")));
         lines.extend(extent_lines(extent, ["  x", "  y", "  z"]));
+    }
+    for summary in &frame.maps {
+        let map = &summary.map;
+        lines.push((map.name, format!("{} ({})", range(&summary.range, map.unit).trim_end(), map.meaning)));
     }
     for array in &frame.extra {
         let shape = array.shape.iter().map(u64::to_string).collect::<Vec<_>>().join(" x ");
@@ -258,6 +353,45 @@ mod tests {
         assert_eq!(json[0]["frame"]["particles"]["extent"]["z"]["max"], 3.0);
         assert_eq!(json[1]["model"]["spheres"], 1);
         assert!(json[2]["error"].as_str().unwrap().contains("junk"));
+    }
+
+    #[test]
+    fn many_files_get_a_line_each() {
+        let (out, complaints, result) = shown(&[FRAME, FRAME, "junk", MODEL, FRAME], false);
+        assert!(matches!(result, Err(InspectError::Unreadable { failed: 1, all: 5 })));
+        assert!(complaints.contains("file2:1: found `junk`"), "{complaints}");
+        let lines: Vec<&str> = out.lines().collect();
+        assert_eq!(lines.len(), 7, "{out}");
+        let words = |line: &str| line.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
+        assert_eq!(words(lines[3]), ["file0", "0.25", "3x3", "11.1", "2", "2", "5", "4", "1", "0.5"]);
+        assert_eq!(words(lines[5]), ["file3", "model:", "0", "panels,", "1", "spheres,", "1", "meshes"]);
+        assert!(lines[1..4].iter().all(|line| line.chars().count() == lines[1].chars().count()), "{out}");
+    }
+
+    #[test]
+    fn documented_maps_are_shown_with_unit_and_meaning_and_others_by_name() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("time0.state");
+        std::fs::write(&path, FRAME).unwrap();
+        let frame = state::read_frame(&path, 0.001).unwrap();
+        let map: Vec<f32> = (0..9_u8).map(|i| f32::from(i) - 4.0).collect();
+        let maps: [(&str, &[f32]); 3] = [("vorticity", &map), ("aeration", &[0.25; 9]), ("foam", &map)];
+        state::save_frame_with(&frame, &maps, &path, Encoding::Npz, state::Packing::Quick).unwrap();
+        let mut out = Vec::new();
+        inspect(std::slice::from_ref(&path), 0.001, false, &mut out, &mut Vec::new()).unwrap();
+        let out = String::from_utf8(out).unwrap();
+        for line in [
+            "  vorticity       -4 to 4 1/s (curl of the flow about the vertical)",
+            "  aeration        0.25 to 0.25 (share of air in the water's volume, 0 to 1)",
+            "  other array     foam: 3 x 3, <f4",
+        ] {
+            assert!(out.lines().any(|shown| shown == line), "{line}\n{out}");
+        }
+        let mut out = Vec::new();
+        inspect(&[path], 0.001, true, &mut out, &mut Vec::new()).unwrap();
+        let json: Value = serde_json::from_slice(&out).unwrap();
+        assert_eq!(json[0]["frame"]["maps"][0]["unit"], "1/s");
+        assert_eq!(json[0]["frame"]["maps"][0]["range"]["max"], 4.0);
     }
 
     #[test]

@@ -126,15 +126,19 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
         Some(selection) => selection.numbers().to_vec(),
         None => frames.iter().map(|(number, _)| number).collect(),
     };
-    let missing: Vec<String> =
-        numbers.iter().filter(|&&number| frames.path(number).is_none()).map(i64::to_string).collect();
-    if !missing.is_empty() {
+    let missing: Vec<i64> = numbers.iter().copied().filter(|&number| frames.path(number).is_none()).collect();
+    if let Some(&greatest) = missing.iter().max() {
+        const LISTED: usize = 10;
         let (first, last) = (frames.first(), frames.last());
+        let listed: Vec<String> = missing.iter().take(LISTED).map(i64::to_string).collect();
+        let more = missing.len() - listed.len();
         return Err(anyhow::anyhow!(
-            "{}: there is no frame {}; there are {} from {first} to {last}",
+            "{}: there is no frame {}{}; there are {} from {first} to {last}{}",
             settings.frames.files,
-            missing.join(", "),
-            frames.len()
+            listed.join(", "),
+            if more > 0 { format!(" and {more} more") } else { String::new() },
+            frames.len(),
+            load::how_to_make(&loaded, Some(greatest))
         )
         .into());
     }

@@ -1,23 +1,41 @@
-//! Named arrays → a deflated NPZ archive; knows nothing of what they mean.
+//! Named arrays → an NPZ archive; knows nothing of what they mean.
 
 use std::io::{BufWriter, Seek, Write};
 use std::path::Path;
 
 use npyz::{AutoSerialize, DType, Serialize, TypeStr, WriterBuilder};
-use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
 
 use super::StateError;
 use super::whole_file::write_whole;
 
+/// How an archive's bytes are packed; what reads it need not know.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Packing {
+    /// Deflated for size.
+    #[default]
+    Small,
+    /// Deflated with the least effort: for files that are made many at a time.
+    Quick,
+    /// Not at all: for noise, and for what is soon replaced.
+    Stored,
+}
+
 /// An archive that is being written.
 pub struct ArchiveWriter<W: Write + Seek> {
     zip: ZipWriter<W>,
+    packing: Packing,
 }
 
 impl<W: Write + Seek> ArchiveWriter<W> {
     pub(super) fn new(writer: W) -> Self {
-        Self { zip: ZipWriter::new(writer) }
+        Self { zip: ZipWriter::new(writer), packing: Packing::default() }
+    }
+
+    /// Packs the arrays that follow in this way.
+    pub fn pack(&mut self, packing: Packing) {
+        self.packing = packing;
     }
 
     /// Writes one array, C order; `values` must be as many as `shape` says.
@@ -56,6 +74,11 @@ impl<W: Write + Seek> ArchiveWriter<W> {
     ) -> Result<(), StateError> {
         // Past 4 GB an entry needs the archive's 64-bit form; the margin is for the header.
         let options = SimpleFileOptions::default().large_file(bytes > u64::from(u32::MAX) - 65536);
+        let options = match self.packing {
+            Packing::Small => options,
+            Packing::Quick => options.compression_level(Some(1)),
+            Packing::Stored => options.compression_method(CompressionMethod::Stored),
+        };
         self.zip.start_file(format!("{name}.npy"), options).map_err(std::io::Error::from)?;
         let mut buffer = BufWriter::with_capacity(1 << 16, &mut self.zip);
         let mut npy = npyz::WriteOptions::new().dtype(dtype).shape(shape).writer(&mut buffer).begin_nd()?;

@@ -8,6 +8,7 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
+pub mod maps;
 pub mod summary;
 
 mod arrays;
@@ -22,7 +23,7 @@ mod npz;
 mod sequence;
 mod whole_file;
 
-pub use arrays::{ArchiveWriter, write_arrays};
+pub use arrays::{ArchiveWriter, Packing, write_arrays};
 pub use check::MAX_ROWS;
 pub use error::{MAX_LISTED, Place, Problem, StateError};
 pub use frame_npz::write_frame_npz;
@@ -119,6 +120,27 @@ pub fn save_frame(frame: &Frame, path: impl AsRef<Path>, encoding: Encoding) -> 
     whole_file::write_whole(path.as_ref(), |writer| match encoding {
         Encoding::Text => write_frame_text(frame, writer),
         Encoding::Npz => write_frame_npz(frame, writer),
+    })
+}
+
+/// As [`save_frame`], with extra maps (nz, nx), f4, which text has no place for; an archive is packed as `packing` says.
+/// What the documented maps mean is in [`maps`].
+///
+/// # Errors
+/// As [`save_frame`]; a map's number that is not finite.
+///
+/// # Panics
+/// If the frame's arrays or the maps differ in length, or a map has the name of one of the frame's own arrays.
+pub fn save_frame_with(
+    frame: &Frame,
+    maps: &[(&str, &[f32])],
+    path: impl AsRef<Path>,
+    encoding: Encoding,
+    packing: Packing,
+) -> Result<(), StateError> {
+    whole_file::write_whole(path.as_ref(), |writer| match encoding {
+        Encoding::Text => write_frame_text(frame, writer),
+        Encoding::Npz => frame_npz::write(frame, maps, packing, writer),
     })
 }
 

@@ -141,6 +141,31 @@ impl Archive {
         Problems::default().settle(&self.path, read)
     }
 
+    /// As [`Archive::read_f64`], and refuses what is not finite.
+    ///
+    /// # Errors
+    /// As [`Archive::read_f64`]; [`StateError::Damaged`] with the element for a number that is not finite.
+    pub fn read_finite(&mut self, name: &str) -> Result<Vec<f64>, StateError> {
+        let values = self.read_f64(name)?;
+        match values.iter().position(|value| !value.is_finite()) {
+            None => Ok(values),
+            Some(i) => {
+                let place = Place::Element(name.to_string(), vec![i as u64]);
+                let problem = Problem::new(place, values[i].to_string(), "a finite number");
+                Problems::default().settle(&self.path, Err(problem.into()))
+            }
+        }
+    }
+
+    /// All elements of a u4 or u8 array in C order.
+    ///
+    /// # Errors
+    /// As [`Archive::read_f64`].
+    pub fn read_u64(&mut self, name: &str) -> Result<Vec<u64>, StateError> {
+        let read = self.checked(name, &[Element::U4, Element::U8]).and_then(|()| self.unsigned(name));
+        Problems::default().settle(&self.path, read)
+    }
+
     pub(super) fn find(&self, name: &str) -> Option<&Array> {
         self.arrays.iter().find(|array| array.name == name)
     }

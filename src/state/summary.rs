@@ -1,10 +1,13 @@
 //! What a frame or a model holds, in figures: counts, ranges, the amount of water.
 //!
-//! Pure; `inspect` prints it.
+//! `inspect` prints it.
+
+use std::path::Path;
 
 use serde::Serialize;
 
-use super::{ExtraArray, Frame, Model, Particles};
+use super::maps::{self, MapSummary};
+use super::{ExtraArray, Frame, Model, Particles, StateError, read_frame};
 
 /// Least and greatest.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -17,7 +20,7 @@ pub struct Range {
 
 impl Range {
     /// Of no values: none.
-    fn of(values: impl IntoIterator<Item = f64>) -> Option<Range> {
+    pub(super) fn of(values: impl IntoIterator<Item = f64>) -> Option<Range> {
         values.into_iter().fold(None, |range, v| match range {
             None => Some(Range { min: v, max: v }),
             Some(Range { min, max }) => Some(Range { min: min.min(v), max: max.max(v) }),
@@ -78,6 +81,8 @@ pub struct FrameSummary {
     pub volume: f64,
     /// The spray.
     pub particles: ParticleSummary,
+    /// Documented maps; only [`FrameSummary::of_file`] reads them.
+    pub maps: Vec<MapSummary>,
     /// Arrays that are not ours.
     pub extra: Vec<ExtraArray>,
 }
@@ -140,8 +145,19 @@ impl FrameSummary {
             mean_depth: (!wet.is_empty()).then(|| total_depth / wet.len() as f64),
             volume: total_depth * dx * dz,
             particles: ParticleSummary::new(&frame.particles),
+            maps: Vec::new(),
             extra: frame.extra.clone(),
         }
+    }
+
+    /// Reads a frame's file and summarises all of it, documented maps included.
+    ///
+    /// # Errors
+    /// As [`read_frame`]; a documented map that is damaged or holds a number that is not finite.
+    pub fn of_file(path: &Path, dry_threshold: f64) -> Result<FrameSummary, StateError> {
+        let mut frame = read_frame(path, dry_threshold)?;
+        let maps = maps::summarise(&mut frame, path)?;
+        Ok(FrameSummary { maps, ..FrameSummary::new(&frame, dry_threshold) })
     }
 }
 
