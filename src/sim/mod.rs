@@ -6,6 +6,8 @@
 
 mod error;
 mod grid;
+mod water;
 
 pub use error::SimError;
 pub use grid::Grid;
+pub use water::{Forcing, Step, Water, WaterSettings};

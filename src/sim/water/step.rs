@@ -1,0 +1,354 @@
+//! The flow in the pipes: what a step makes of their velocities, and the volume that they then ask for.
+//!
+//! A pipe's velocity obeys d eta / dt = (Q_head - Q_tail) / (rho l) - friction, Q = rho g H + rho v^2 / 2 + E (the report,
+//! appendix A). What its columns can give of the volume asked for is the business of `limit`.
+//!
+//! # Dynamic pressure
+//!
+//! The difference of rho v^2 / 2 alone is right for flow without rotation only: the whole acceleration of moving water is
+//! (v . grad) v = grad(v^2 / 2) + curl v x v (Lamb), and without the second term a stream is pushed sideways out of its
+//! own bed, into the slow water beside it. So a pipe's velocity is carried by the flow, upwind, between like pipes:
+//!
+//! l h A d eta_p / dt = sum over the 8 neighbours of inflow_b (eta_b - eta_p),
+//!
+//! where the inflow from the like pipe at neighbour b is the mean of the flows into the pipe's two ends. Where the flow
+//! slows down, inflow is measured as volume over the mean depth, which conserves momentum, so that bores run at the right
+//! speed; where it speeds up, as the velocity itself, which along a stream is exactly the report's difference of
+//! rho v^2 / 2 (Stelling and Duinmeijer, A staggered conservative scheme for every Froude number in rapidly varied shallow
+//! water flows, 2003; for one axis: the sum over like pipes of eight neighbours is ours). Each new velocity is a mean of
+//! old ones plus what pressure adds: carrying cannot make any pipe faster than the fastest was.
+
+use super::layout::{DENSITY, FAMILIES, MARGIN, OFFSETS, columns, pipes};
+use super::{Forcing, Water};
+use rayon::prelude::*;
+
+/// Columns that a kernel handles at a time: its intermediate rows stay in the first level of cache.
+const BLOCK: usize = 128;
+
+/// Fewer columns than this are not worth a second thread.
+const PARALLEL_FROM: usize = 4096;
+
+/// Height (m) over which a pipe is open: that of the donor's water above the higher of the two beds.
+#[inline(always)]
+pub(super) fn open_height(top: &[f64], base: &[f64], head: usize, tail: usize, velocity: f64) -> f64 {
+    let donor = if velocity > 0.0 { top[head] } else { top[tail] };
+    (donor - base[head].max(base[tail])).max(0.0)
+}
+
+/// What all rows of a step share.
+struct Rows<'a> {
+    stride: usize,
+    nx: usize,
+    top: &'a [f64],
+    base: &'a [f64],
+    /// Empty when nothing presses.
+    pressure: &'a [f64],
+    shedding: &'a [u8],
+    eta: &'a [f64],
+    flux: &'a [f64],
+    section: [f64; FAMILIES],
+    /// Acceleration for each metre of head, times the time it acts.
+    drive: [f64; FAMILIES],
+    area: f64,
+    dt: f64,
+    keep: f64,
+}
+
+impl Water {
+    /// One step of `dt` seconds (above 0).
+    ///
+    /// Any `dt` is safe: depths never fall below 0 and volume is conserved to rounding, since a column whose pipes ask for
+    /// more than it holds gives all of them the same share, and slows them to what they got. Beyond
+    /// [`Self::largest_step`] the flow is no longer true.
+    ///
+    /// Panics on a `dt` that is not finite and above 0, on pressures that are not finite, and on forcing of another length.
+    pub fn step(&mut self, dt: f64, forcing: &Forcing) {
+        assert!(dt > 0.0 && dt.is_finite(), "a step of {dt} s");
+        let count = self.grid.count();
+        for length in [forcing.pressure.len(), forcing.shedding.len()] {
+            assert!(length == 0 || length == count, "forcing of {length} columns for a map of {count}");
+        }
+        self.press(forcing.pressure);
+        let parallel = count >= PARALLEL_FROM && rayon::current_num_threads() > 1;
+        let gravity = self.settings.gravity;
+        let (keep, time) = friction(self.settings.friction, self.settings.reference_step, dt);
+        let layout = &self.layout;
+        let rows = Rows {
+            stride: layout.stride,
+            nx: layout.nx,
+            top: &self.top,
+            base: &self.wall,
+            pressure: if forcing.pressure.is_empty() { &[] } else { &self.pressure },
+            shedding: forcing.shedding,
+            eta: &self.pipes,
+            flux: &[],
+            section: layout.section,
+            drive: layout.length.map(|length| gravity * time / length),
+            area: layout.area,
+            dt,
+            keep,
+        };
+        let chunk = FAMILIES * layout.stride;
+        let inner = chunk..chunk * (layout.rows - 1);
+        each_row(&mut self.flux[inner.clone()], chunk, parallel, |z, flux| flux_row(&rows, z + 1, flux));
+        let rows = Rows { flux: &self.flux, ..rows };
+        let (next, moved) = (&mut self.next[inner.clone()], &mut self.moved[inner]);
+        each_row_of_two(next, moved, chunk, parallel, |z, next, moved| flow_row(&rows, z + 1, next, moved));
+        std::mem::swap(&mut self.pipes, &mut self.next);
+        self.move_volume(parallel);
+    }
+
+    /// External pressure as metres of water.
+    fn press(&mut self, pressure: &[f64]) {
+        assert!(pressure.iter().all(|pressure| pressure.is_finite()), "external pressures are finite");
+        let metre = DENSITY * self.settings.gravity;
+        for (z, row) in pressure.chunks_exact(self.layout.nx).enumerate() {
+            let place = self.layout.padded(0, z);
+            for (to, from) in self.pressure[place..].iter_mut().zip(row) {
+                *to = from / metre;
+            }
+        }
+    }
+}
+
+/// Share of a pipe's velocity that is left after `dt`, and the time (s) that a steady push then counts for.
+///
+/// The report multiplies by `friction` each step of `reference`. That is the decay exp(-rate t); solved exactly over any
+/// `dt`, a push a adds a (1 - exp(-rate dt)) / rate, so that terminal speeds do not depend on the step either.
+fn friction(friction: f64, reference: f64, dt: f64) -> (f64, f64) {
+    let rate = -friction.ln() / reference;
+    let exponent = rate * dt;
+    if exponent == 0.0 {
+        (1.0, dt)
+    } else if exponent.is_finite() {
+        ((-exponent).exp(), -(-exponent).exp_m1() / rate)
+    } else {
+        (0.0, 0.0)
+    }
+}
+
+/// Calls `work` for each row of `field`, in parallel where that pays: every row has its own output, so the bits do not
+/// depend on who makes them.
+pub(super) fn each_row<T: Send>(
+    field: &mut [T],
+    chunk: usize,
+    parallel: bool,
+    work: impl Fn(usize, &mut [T]) + Sync + Send,
+) {
+    if parallel {
+        field.par_chunks_mut(chunk).enumerate().for_each(|(z, row)| work(z, row));
+    } else {
+        field.chunks_mut(chunk).enumerate().for_each(|(z, row)| work(z, row));
+    }
+}
+
+/// The same for two fields with equal rows.
+pub(super) fn each_row_of_two<T: Send>(
+    first: &mut [T],
+    second: &mut [T],
+    chunk: usize,
+    parallel: bool,
+    work: impl Fn(usize, &mut [T], &mut [T]) + Sync + Send,
+) {
+    if parallel {
+        let rows = first.par_chunks_mut(chunk).zip(second.par_chunks_mut(chunk));
+        rows.enumerate().for_each(|(z, (first, second))| work(z, first, second));
+    } else {
+        let rows = first.chunks_mut(chunk).zip(second.chunks_mut(chunk));
+        rows.enumerate().for_each(|(z, (first, second))| work(z, first, second));
+    }
+}
+
+/// Whether any of a block's columns, or those at the other ends of its pipes, holds water.
+#[inline(always)]
+fn is_wet(rows: &Rows, row: usize, x: usize, width: usize) -> bool {
+    (row..row + 2).any(|row| {
+        let top = columns(rows.top, rows.stride, row, x, -1, width + 2);
+        let base = columns(rows.base, rows.stride, row, x, -1, width + 2);
+        let mut wet = false;
+        for i in 0..width + 2 {
+            wet |= top[i] > base[i];
+        }
+        wet
+    })
+}
+
+/// Bits of `Forcing::shedding` that close a family's pipe at its owner and at its other end.
+const CLOSED_BY: [[u8; 2]; FAMILIES] = [[1, 2], [4, 8], [1 | 4, 2 | 8], [2 | 4, 1 | 8]];
+
+/// Height (m) over which a pipe is open if its donor sheds spray over that face: its overlap with the receiver's water.
+fn shed_height(rows: &Rows, row: usize, x: usize, family: usize, velocity: f64) -> Option<f64> {
+    let (at_head, [dx, dz]) = (velocity > 0.0, OFFSETS[family]);
+    let donor_x = if at_head { x } else { x.checked_add_signed(dx)? };
+    let donor_z = if at_head { row - 1 } else { row.wrapping_add_signed(dz) - 1 };
+    // A donor outside the map has no water.
+    let column = (donor_x < rows.nx).then_some(donor_z * rows.nx + donor_x)?;
+    if rows.shedding.get(column)? & CLOSED_BY[family][usize::from(!at_head)] == 0 {
+        return None;
+    }
+    let head = row * rows.stride + MARGIN + x;
+    let tail = head.wrapping_add_signed(dz * rows.stride as isize + dx);
+    Some((rows.top[head].min(rows.top[tail]) - rows.base[head].max(rows.base[tail])).max(0.0))
+}
+
+/// Flow (m3/s) through the pipes of one row at their present velocity.
+fn flux_row(rows: &Rows, row: usize, out: &mut [f64]) {
+    for x in (0..rows.nx).step_by(BLOCK) {
+        let width = BLOCK.min(rows.nx - x);
+        let wet = is_wet(rows, row, x, width);
+        for family in 0..FAMILIES {
+            let out = &mut out[family * rows.stride + MARGIN + x..][..width];
+            if wet {
+                flux_block(rows, row, x, family, out);
+            } else {
+                out.fill(0.0);
+            }
+            if wet && !rows.shedding.is_empty() {
+                for i in 0..width {
+                    let velocity = pipes(rows.eta, rows.stride, row, family, x, 0, width)[i];
+                    if let Some(height) = shed_height(rows, row, x + i, family, velocity) {
+                        out[i] = velocity * (height * rows.section[family]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn flux_block(rows: &Rows, row: usize, x: usize, family: usize, out: &mut [f64]) {
+    let (stride, width, [dx, dz]) = (rows.stride, out.len(), OFFSETS[family]);
+    let tail = row.wrapping_add_signed(dz);
+    let section = rows.section[family];
+    let eta = pipes(rows.eta, stride, row, family, x, 0, width);
+    let (top_head, base_head) =
+        (columns(rows.top, stride, row, x, 0, width), columns(rows.base, stride, row, x, 0, width));
+    let (top_tail, base_tail) =
+        (columns(rows.top, stride, tail, x, dx, width), columns(rows.base, stride, tail, x, dx, width));
+    for i in 0..width {
+        let donor = if eta[i] > 0.0 { top_head[i] } else { top_tail[i] };
+        let height = (donor - base_head[i].max(base_tail[i])).max(0.0);
+        out[i] = eta[i] * (height * section);
+    }
+}
+
+/// New velocities of one row's pipes, and the volume (m3) that they ask for.
+fn flow_row(rows: &Rows, row: usize, eta: &mut [f64], moved: &mut [f64]) {
+    for x in (0..rows.nx).step_by(BLOCK) {
+        let width = BLOCK.min(rows.nx - x);
+        let wet = is_wet(rows, row, x, width);
+        for family in 0..FAMILIES {
+            let place = family * rows.stride + MARGIN + x;
+            let (eta, moved) = (&mut eta[place..][..width], &mut moved[place..][..width]);
+            if wet {
+                flow_block(rows, row, x, family, eta, moved);
+            } else {
+                eta.fill(0.0);
+                moved.fill(0.0);
+            }
+            if wet && !rows.shedding.is_empty() {
+                for i in 0..width {
+                    if let Some(height) = shed_height(rows, row, x + i, family, eta[i]) {
+                        moved[i] = eta[i] * (height * (rows.section[family] * rows.dt));
+                        eta[i] = if height > 0.0 { eta[i] } else { 0.0 };
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn flow_block(rows: &Rows, row: usize, x: usize, family: usize, eta: &mut [f64], moved: &mut [f64]) {
+    let (stride, width, [dx, dz]) = (rows.stride, eta.len(), OFFSETS[family]);
+    let tail = row.wrapping_add_signed(dz);
+    let old = pipes(rows.eta, stride, row, family, x, 0, width);
+    let (top_head, base_head) =
+        (columns(rows.top, stride, row, x, 0, width), columns(rows.base, stride, row, x, 0, width));
+    let (top_tail, base_tail) =
+        (columns(rows.top, stride, tail, x, dx, width), columns(rows.base, stride, tail, x, dx, width));
+
+    // dt over the volume that a pipe lies in: the mean depth of its two columns.
+    let mut per_volume = [0.0; BLOCK];
+    let per_volume = &mut per_volume[..width];
+    let per_area = rows.dt / rows.area;
+    for i in 0..width {
+        let depths = (top_head[i] - base_head[i]) + (top_tail[i] - base_tail[i]);
+        per_volume[i] = if depths > 0.0 { per_area / depths } else { 0.0 };
+    }
+
+    // Axes and diagonals are summed apart, so that a mirrored map gives the mirrored bits.
+    let (mut gain, mut share) = ([[0.0; BLOCK]; 2], [[0.0; BLOCK]; 2]);
+    for from in 0..FAMILIES {
+        let (gain, share) = (&mut gain[from / 2][..width], &mut share[from / 2][..width]);
+        carry_block(rows, row, x, family, from, old, per_volume, gain, share);
+    }
+
+    let (drive, section, keep) = (rows.drive[family], rows.section[family] * rows.dt, rows.keep);
+    let mut head = [0.0; BLOCK];
+    let head = &mut head[..width];
+    for i in 0..width {
+        // Below the sill nothing pulls: a dry neighbour above the water, or a pool under a ledge.
+        let sill = base_head[i].max(base_tail[i]);
+        head[i] = top_head[i].max(sill) - top_tail[i].max(sill);
+    }
+    if !rows.pressure.is_empty() {
+        let (at_head, at_tail) =
+            (columns(rows.pressure, stride, row, x, 0, width), columns(rows.pressure, stride, tail, x, dx, width));
+        for i in 0..width {
+            head[i] += at_head[i] - at_tail[i];
+        }
+    }
+    for i in 0..width {
+        let gained = gain[0][i] + gain[1][i];
+        // More inflow than the pipe holds: it takes on the velocity of what flows in.
+        let carried = old[i] + gained / (share[0][i] + share[1][i]).max(1.0);
+        let velocity = keep * carried + drive * head[i];
+        let sill = base_head[i].max(base_tail[i]);
+        let donor = if velocity > 0.0 { top_head[i] } else { top_tail[i] };
+        let height = (donor - sill).max(0.0);
+        eta[i] = if height > 0.0 { velocity } else { 0.0 };
+        moved[i] = eta[i] * (height * section);
+    }
+}
+
+/// Adds what the flow through the pipes of family `from` carries into those of `family`: velocity to `gain`, and the part
+/// of the pipe's water that it makes up to `share`.
+#[inline(always)]
+fn carry_block(
+    rows: &Rows,
+    row: usize,
+    x: usize,
+    family: usize,
+    from: usize,
+    old: &[f64],
+    per_volume: &[f64],
+    gain: &mut [f64],
+    share: &mut [f64],
+) {
+    let (stride, width) = (rows.stride, old.len());
+    let ([tail_x, tail_z], [dx, dz]) = (OFFSETS[family], OFFSETS[from]);
+    let at = |field, family, x_shift: isize, z_shift: isize| {
+        pipes(field, stride, row.wrapping_add_signed(z_shift), family, x, x_shift, width)
+    };
+    let (before, after) = (at(rows.eta, family, -dx, -dz), at(rows.eta, family, dx, dz));
+    // Pipes of `from` that end and begin at this pipe's head, and at its tail.
+    let (flux_in_head, flux_out_head) = (at(rows.flux, from, -dx, -dz), at(rows.flux, from, 0, 0));
+    let (flux_in_tail, flux_out_tail) =
+        (at(rows.flux, from, tail_x - dx, tail_z - dz), at(rows.flux, from, tail_x, tail_z));
+    let (eta_in_head, eta_out_head) = (at(rows.eta, from, -dx, -dz), at(rows.eta, from, 0, 0));
+    let (eta_in_tail, eta_out_tail) =
+        (at(rows.eta, from, tail_x - dx, tail_z - dz), at(rows.eta, from, tail_x, tail_z));
+    let scale = 0.5 * rows.section[from] * rows.dt / rows.area;
+    for i in 0..width {
+        let speed = old[i].abs();
+        let slow = (flux_in_head[i] + flux_in_tail[i]) * per_volume[i];
+        let fast = (eta_in_head[i] + eta_in_tail[i]) * scale;
+        let inflow = if speed > before[i].abs() { fast } else { slow }.max(0.0);
+        let slow = (flux_out_head[i] + flux_out_tail[i]) * per_volume[i];
+        let fast = (eta_out_head[i] + eta_out_tail[i]) * scale;
+        let backflow = (-if speed > after[i].abs() { fast } else { slow }).max(0.0);
+        gain[i] += inflow * (before[i] - old[i]) + backflow * (after[i] - old[i]);
+        share[i] += inflow + backflow;
+    }
+}
