@@ -88,6 +88,22 @@ impl Water {
     }
 }
 
+impl Water {
+    /// Visits the neighbours that gave a column water in the last step: their index and the volume (m3).
+    pub fn each_inflow(&self, column: usize, mut visit: impl FnMut(usize, f64)) {
+        let layout = &self.layout;
+        let here = layout.padded_index(column);
+        for (family, shift, is_tail) in PAIRS.into_iter().flatten() {
+            let moved = self.moved[layout.pipe(layout.moved(here, shift), family)];
+            let inflow = if is_tail { moved } else { -moved };
+            if inflow > 0.0 {
+                let [dx, dz] = super::OFFSETS[family].map(|offset| if is_tail { -offset } else { offset });
+                visit(column.wrapping_add_signed(dz * layout.nx as isize + dx), inflow);
+            }
+        }
+    }
+}
+
 /// What each column of a row can give of what its pipes ask for, 0..1.
 fn share_row(moved: &[f64], stride: usize, row: usize, depth: &[f64], area: f64, share: &mut [f64]) {
     let width = depth.len();
