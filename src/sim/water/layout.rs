@@ -1,6 +1,6 @@
 //! Where columns and pipes lie in memory, and how wide a pipe is.
 //!
-//! Working fields carry a margin of two dry columns along x and one row along z whose base is higher than any water: walls
+//! Working fields carry a margin of two dry columns along x, of one row before the first and two behind the last, whose base is higher than any water: walls
 //! then need no branch. Pipes of one row lie together, its four families one after another. Nothing here moves water.
 
 use crate::sim::Grid;
@@ -30,7 +30,7 @@ pub(super) struct Layout {
     pub nz: usize,
     /// Columns of a row with its margins.
     pub stride: usize,
-    /// Rows with margins.
+    /// Rows with margins, one before and two behind.
     pub rows: usize,
     /// Footprint of a column (m2).
     pub area: f64,
@@ -74,7 +74,7 @@ impl Layout {
             nx: grid.nx,
             nz: grid.nz,
             stride,
-            rows: grid.nz + 2,
+            rows: grid.nz + 3,
             area: grid.area(),
             length,
             section,
@@ -164,7 +164,7 @@ impl Pipes {
     /// own output, so the bits do not depend on who makes it.
     pub(super) fn each_row(&mut self, layout: &Layout, parallel: bool, work: impl Fn(usize, PipeRow) + Sync + Send) {
         let chunk = FAMILIES * layout.stride;
-        let inner = chunk..chunk * (layout.rows - 1);
+        let inner = chunk..chunk * (layout.nz + 1);
         let (eta, moved) = (&mut self.eta[inner.clone()], &mut self.moved[inner.clone()]);
         let sweep = &mut self.sweep[inner];
         if parallel {

@@ -7,7 +7,7 @@ use super::layout::{FAMILIES, Layout, MARGIN, PipeRow, columns, pipes};
 use super::step::{greater, each_row, each_row_of_two};
 
 /// A column's pipes: family, the shift to the owner, and whether the column is its tail; in pairs that mirror each other.
-const PAIRS: [[(usize, [isize; 2], bool); 2]; FAMILIES] = [
+pub(super) const PAIRS: [[(usize, [isize; 2], bool); 2]; FAMILIES] = [
     [(0, [0, 0], false), (0, [-1, 0], true)],
     [(1, [0, 0], false), (1, [0, -1], true)],
     [(2, [0, 0], false), (2, [-1, -1], true)],
@@ -23,7 +23,7 @@ impl Water {
     pub(super) fn move_volume(&mut self, dt: f64, parallel: bool) {
         let (stride, nx, area) = (self.layout.stride, self.layout.nx, self.layout.area);
         let layout = &self.layout;
-        let inner = self.layout.rows - 1;
+        let inner = self.layout.nz + 1;
 
         let (moved, depth) = (&self.pipes.moved, &self.depth);
         each_row(&mut self.share[stride..inner * stride], stride, parallel, |z, share| {

@@ -1,17 +1,18 @@
 //! Columns of water and the pipes between them: the body of the water (O'Brien and Hodgins 1995; Mould and Yang 1997).
 //!
 //! Here are the state, its settings and what others may ask of it or do to it; `layout` says where things lie, `step` moves
-//! the flow, `limit` the volume, `cells` the slabs of columns that are divided. Spray, sources and sinks are elsewhere.
+//! the flow, `limit` the volume, `velocity` makes velocities of columns of it, `cells` the slabs of columns that are divided. Spray, sources and sinks are elsewhere.
 
 mod layout;
 mod limit;
 mod step;
 #[cfg(test)]
 mod tests;
+mod velocity;
 
 use super::Grid;
 use rayon::prelude::*;
-use layout::{DENSITY, FAMILIES, Layout, OFFSETS, Pipes, WALL};
+use layout::{FAMILIES, Layout, OFFSETS, Pipes, WALL};
 
 /// What the water obeys.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,6 +77,10 @@ pub struct Water {
     last_step: f64,
     /// Share of what its pipes ask for that a column can give.
     share: Vec<f64>,
+    /// Velocity of each column along x and z (m/s), and where the bed is rough its drag for each metre per second (1/m), at
+    /// the start of the step, with margins.
+    velocity: [Vec<f64>; 2],
+    drag: Vec<f64>,
     /// Volume (m3) that stayed in each column during the last step.
     kept: Vec<f64>,
 }
@@ -105,6 +110,8 @@ impl Water {
             next: pipes.clone(),
             last_step: 0.0,
             share: vec![1.0; layout.padded_count()],
+            velocity: [0, 1].map(|_| vec![0.0; layout.padded_count()]),
+            drag: vec![0.0; if settings.manning == 0.0 { 0 } else { layout.padded_count() }],
             kept: depth.iter().map(|depth| depth * grid.area()).collect(),
             layout,
             base,
@@ -204,47 +211,6 @@ impl Water {
             }
         }
         true
-    }
-
-    /// Depth-averaged velocity (m/s) along x and z: the momentum in half of each of a column's pipes over its volume, at
-    /// most as fast as the fastest of them. 0 in a dry column.
-    pub fn flow_at(&self, column: usize) -> [f64; 2] {
-        let depth = self.depth[column];
-        if depth <= 0.0 {
-            return [0.0; 2];
-        }
-        let layout = &self.layout;
-        let here = layout.padded_index(column);
-        let mut momentum = [[0.0; 2]; FAMILIES];
-        let mut fastest = 0.0f64;
-        for (family, offset) in OFFSETS.into_iter().enumerate() {
-            let behind = layout.moved(here, [-offset[0], -offset[1]]);
-            let mut sum = 0.0;
-            for owner in [here, behind] {
-                let velocity = self.pipes.eta[layout.pipe(owner, family)];
-                let height = step::open_height(&self.top, &self.wall, owner, layout.moved(owner, offset), velocity);
-                let section = layout.sections(owner / layout.stride)[family * layout.stride + owner % layout.stride];
-                sum += velocity * height * section;
-                fastest = fastest.max(velocity.abs());
-            }
-            let weight = 0.5 * layout.length[family] / (layout.area * depth);
-            momentum[family] = layout.direction[family].map(|cosine| sum * weight * cosine);
-        }
-        // Axes before diagonals, so that a mirrored map gives the mirrored bits.
-        let flow = [0, 1].map(|axis| (momentum[0][axis] + momentum[1][axis]) + (momentum[2][axis] + momentum[3][axis]));
-        let speed = flow[0].hypot(flow[1]);
-        if speed > fastest { flow.map(|part| part * (fastest / speed)) } else { flow }
-    }
-
-    /// [`Self::flow_at`] of every column.
-    pub fn flow(&self) -> Vec<[f64; 2]> {
-        (0..self.depth.len()).map(|column| self.flow_at(column)).collect()
-    }
-
-    /// Pressure at a column's bed (Pa above air): hydrostatic, dynamic and external.
-    pub fn pressure_at_base(&self, column: usize, external: f64) -> f64 {
-        let [x, z] = self.flow_at(column);
-        DENSITY * self.settings.gravity * self.depth[column] + 0.5 * DENSITY * (x * x + z * z) + external
     }
 
     /// The longest step that is stable.

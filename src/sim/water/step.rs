@@ -35,13 +35,6 @@ pub(super) fn greater(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// Height (m) over which a pipe is open: that of the donor's water above the higher of the two beds.
-#[inline(always)]
-pub(super) fn open_height(top: &[f64], base: &[f64], head: usize, tail: usize, velocity: f64) -> f64 {
-    let donor = if velocity > 0.0 { top[head] } else { top[tail] };
-    (donor - base[head].max(base[tail])).max(0.0)
-}
-
 /// Whether a map of so many columns is worth more than one thread, and has it.
 pub(super) fn is_parallel(count: usize) -> bool {
     count >= PARALLEL_FROM && rayon::current_num_threads() > 1
@@ -112,6 +105,10 @@ struct Rows<'a> {
     layout: &'a Layout,
     /// Acceleration for each metre of head, times the time it acts.
     drive: [f64; FAMILIES],
+    /// Velocity of the columns.
+    velocity: [&'a [f64]; 2],
+    /// Empty where the bed is smooth.
+    drag: &'a [f64],
     area: f64,
     dt: f64,
     keep: f64,
@@ -133,6 +130,7 @@ impl Water {
         }
         self.press(forcing.pressure);
         let parallel = is_parallel(count);
+        self.refresh_columns(parallel);
         let gravity = self.settings.gravity;
         let (keep, time) = friction(self.settings.friction, self.settings.reference_step, dt);
         let layout = &self.layout;
@@ -149,6 +147,8 @@ impl Water {
             sweep: &before.sweep,
             layout,
             drive: layout.length.map(|length| gravity * time / length),
+            drag: &self.drag,
+            velocity: [&self.velocity[0], &self.velocity[1]],
             area: layout.area,
             dt,
             keep,
@@ -351,15 +351,35 @@ fn flow_block(
             head[i] += at_head[i] - at_tail[i];
         }
     }
+    let mut velocity = [0.0; BLOCK];
+    let velocity = &mut velocity[..width];
     for i in 0..width {
         let gained = gain[0][i] + gain[1][i];
         // More inflow than the pipe holds: it takes on the velocity of what flows in.
         let carried = old[i] + gained / greater(share[0][i] + share[1][i], 1.0);
-        let velocity = keep * carried + drive * head[i];
+        velocity[i] = keep * carried + drive * head[i];
+    }
+    if !rows.drag.is_empty() {
+        let at = |field, row, shift| columns(field, stride, row, x, shift, width);
+        let (drag_head, drag_tail) = (at(rows.drag, row, 0), at(rows.drag, tail, dx));
+        let (x_head, x_tail) = (at(rows.velocity[0], row, 0), at(rows.velocity[0], tail, dx));
+        let (z_head, z_tail) = (at(rows.velocity[1], row, 0), at(rows.velocity[1], tail, dx));
+        for i in 0..width {
+            let (drag, along_x, along_z) = if velocity[i] > 0.0 {
+                (drag_head[i], x_head[i], z_head[i])
+            } else {
+                (drag_tail[i], x_tail[i], z_tail[i])
+            };
+            // v' = v - dt drag v'^2, solved for v': no step is too long. Across the stream its speed still counts.
+            let speed = greater(velocity[i].abs(), (along_x * along_x + along_z * along_z).sqrt());
+            velocity[i] *= 2.0 / (1.0 + (1.0 + 4.0 * dt * drag * speed).sqrt());
+        }
+    }
+    for i in 0..width {
         let sill = greater(base_head[i], base_tail[i]);
-        let donor = if velocity > 0.0 { top_head[i] } else { top_tail[i] };
+        let donor = if velocity[i] > 0.0 { top_head[i] } else { top_tail[i] };
         let height = greater(donor - sill, 0.0);
-        eta[i] = if height > 0.0 { velocity } else { 0.0 };
+        eta[i] = if height > 0.0 { velocity[i] } else { 0.0 };
         sweep[i] = eta[i] * (section[i] * dt);
         moved[i] = sweep[i] * height;
     }
@@ -393,13 +413,12 @@ fn carry_block(
     let (sweep_in_tail, sweep_out_tail) =
         (at(rows.sweep, from, tail_x - dx, tail_z - dz), at(rows.sweep, from, tail_x, tail_z));
     let half_per_area = 0.5 / rows.area;
+    let mut shut = 0u64;
     for i in 0..width {
         let speed = old[i].abs();
         let slow = (moved_in_head[i] + moved_in_tail[i]) * per_volume[i];
         let fast = (sweep_in_head[i] + sweep_in_tail[i]) * half_per_area;
         let inflow = greater(if speed > before[i].abs() { fast } else { slow }, 0.0);
-        // A pipe that stands exactly still is shut, by a wall or a dry neighbour: nothing of its kind flows in from there,
-        // and a wall does not hold back what runs along it.
         let inflow = if before[i] == 0.0 { 0.0 } else { inflow };
         let slow = (moved_out_head[i] + moved_out_tail[i]) * per_volume[i];
         let fast = (sweep_out_head[i] + sweep_out_tail[i]) * half_per_area;
@@ -407,5 +426,45 @@ fn carry_block(
         let backflow = if after[i] == 0.0 { 0.0 } else { backflow };
         gain[i] += inflow * (before[i] - old[i]) + backflow * (after[i] - old[i]);
         share[i] += inflow + backflow;
+        shut |= u64::from(before[i] == 0.0) | u64::from(after[i] == 0.0);
+    }
+    if shut == 0 {
+        return;
+    }
+
+    // A pipe that stands exactly still is shut, by a wall or a dry neighbour, and says nothing of what flows in beside it.
+    // That has the velocity of the columns that it comes from: along a wall the stream's, out of a side channel its own.
+    let cosine = rows.layout.direction[family];
+    let velocity = |shift_x: isize, shift_z: isize| {
+        let row = row.wrapping_add_signed(shift_z);
+        let [along_x, along_z] = rows.velocity.map(|field| columns(field, stride, row, x, shift_x, width));
+        move |i: usize| along_x[i] * cosine[0] + along_z[i] * cosine[1]
+    };
+    let (head_before, tail_before) = (velocity(-dx, -dz), velocity(tail_x - dx, tail_z - dz));
+    let (head_after, tail_after) = (velocity(dx, dz), velocity(tail_x + dx, tail_z + dz));
+    for i in 0..width {
+        let (mut gained, mut shared) = ([0.0; 2], [0.0; 2]);
+        if before[i] == 0.0 {
+            let (head, tail) = (greater(moved_in_head[i], 0.0), greater(moved_in_tail[i], 0.0));
+            if head + tail > 0.0 {
+                let carried = (head_before(i) * head + tail_before(i) * tail) / (head + tail);
+                let slow = (moved_in_head[i] + moved_in_tail[i]) * per_volume[i];
+                let fast = (sweep_in_head[i] + sweep_in_tail[i]) * half_per_area;
+                shared[0] = greater(if old[i].abs() > carried.abs() { fast } else { slow }, 0.0);
+                gained[0] = shared[0] * (carried - old[i]);
+            }
+        }
+        if after[i] == 0.0 {
+            let (head, tail) = (greater(-moved_out_head[i], 0.0), greater(-moved_out_tail[i], 0.0));
+            if head + tail > 0.0 {
+                let carried = (head_after(i) * head + tail_after(i) * tail) / (head + tail);
+                let slow = (moved_out_head[i] + moved_out_tail[i]) * per_volume[i];
+                let fast = (sweep_out_head[i] + sweep_out_tail[i]) * half_per_area;
+                shared[1] = greater(-if old[i].abs() > carried.abs() { fast } else { slow }, 0.0);
+                gained[1] = shared[1] * (carried - old[i]);
+            }
+        }
+        gain[i] += gained[0] + gained[1];
+        share[i] += shared[0] + shared[1];
     }
 }
