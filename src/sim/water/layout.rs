@@ -1,9 +1,10 @@
 //! Where columns and pipes lie in memory, and how wide a pipe is.
 //!
-//! Working fields carry a margin of two dry columns along x and one row along z whose base is higher than any water: walls
+//! Working fields carry a margin of two dry columns along x, of one row before the first and two behind the last, whose base is higher than any water: walls
 //! then need no branch. Pipes of one row lie together, its four families one after another. Nothing here moves water.
 
 use crate::sim::Grid;
+use rayon::prelude::*;
 
 /// Families of pipes: towards the neighbour at the east, south, south-east and south-west of the owner.
 pub(super) const FAMILIES: usize = 4;
@@ -29,14 +30,16 @@ pub(super) struct Layout {
     pub nz: usize,
     /// Columns of a row with its margins.
     pub stride: usize,
-    /// Rows with margins.
+    /// Rows with margins, one before and two behind.
     pub rows: usize,
     /// Footprint of a column (m2).
     pub area: f64,
     /// Length of a pipe by family (m).
     pub length: [f64; FAMILIES],
-    /// Cross-section of a pipe for each metre of its height (m).
+    /// Cross-section of a pipe for each metre of its height (m), away from the map's walls.
     pub section: [f64; FAMILIES],
+    /// The same for every pipe of a row, one family after another, by how many of the map's walls the row lies along.
+    sections: [Vec<f64>; 3],
     /// Cosines of the angle between a pipe and the x and z axes.
     pub direction: [[f64; 2]; FAMILIES],
 }
@@ -52,16 +55,38 @@ impl Layout {
         let conductance = [dz / dx - 2.0 * diagonal, dx / dz - 2.0 * diagonal, diagonal, diagonal];
         let across = (dx * dx + dz * dz).sqrt();
         let length = [dx, dz, across, across];
+        let section = [0, 1, 2, 3].map(|family| conductance[family] * length[family]);
+        let stride = grid.nx + 2 * MARGIN;
+        // A wall is a mirror. The diagonal pipe that would lead through it leads to the image of the column that the axial
+        // pipe along the wall leads to, so that pipe takes its share; without this, water would run slower along the walls.
+        let sections = [0, 1, 2].map(|walls| {
+            let mut sections = vec![0.0; FAMILIES * stride];
+            for x in 0..grid.nx {
+                let ends = usize::from(x == 0) + usize::from(x + 1 == grid.nx);
+                for family in 0..FAMILIES {
+                    let beside = [walls, ends, 0, 0][family] as f64 * diagonal * length[family];
+                    sections[family * stride + MARGIN + x] = section[family] + beside;
+                }
+            }
+            sections
+        });
         Self {
             nx: grid.nx,
             nz: grid.nz,
-            stride: grid.nx + 2 * MARGIN,
-            rows: grid.nz + 2,
+            stride,
+            rows: grid.nz + 3,
             area: grid.area(),
             length,
-            section: [0, 1, 2, 3].map(|family| conductance[family] * length[family]),
+            section,
+            sections,
             direction: [[1.0, 0.0], [0.0, 1.0], [dx / across, dz / across], [-dx / across, dz / across]],
         }
+    }
+
+    /// Cross-sections (m for each metre of height) of the pipes of a row, counted with the margin.
+    #[inline(always)]
+    pub(super) fn sections(&self, row: usize) -> &[f64] {
+        &self.sections[usize::from(row == 1) + usize::from(row == self.nz)]
     }
 
     /// Place of column (x, z) in a field with margins.
@@ -108,6 +133,48 @@ pub(super) fn pipes(
     width: usize,
 ) -> &[f64] {
     &field[((row * FAMILIES + family) * stride + MARGIN + x).wrapping_add_signed(shift)..][..width]
+}
+
+/// What the pipes hold, each field as long as all pipes.
+#[derive(Clone, Debug)]
+pub(super) struct Pipes {
+    /// Velocity (m/s), positive away from the owner.
+    pub eta: Vec<f64>,
+    /// Volume (m3) that the last step moved.
+    pub moved: Vec<f64>,
+    /// The same for each metre of the pipe's height (m2).
+    pub sweep: Vec<f64>,
+}
+
+/// One row of [`Pipes`], to be written.
+pub(super) struct PipeRow<'a> {
+    pub eta: &'a mut [f64],
+    pub moved: &'a mut [f64],
+    pub sweep: &'a mut [f64],
+}
+
+impl Pipes {
+    /// Still ones.
+    pub(super) fn new(layout: &Layout) -> Self {
+        let still = vec![0.0; layout.padded_count() * FAMILIES];
+        Self { eta: still.clone(), moved: still.clone(), sweep: still }
+    }
+
+    /// Calls `work` with each row's number (counted with the margin) and its pipes, in parallel if asked: every row has its
+    /// own output, so the bits do not depend on who makes it.
+    pub(super) fn each_row(&mut self, layout: &Layout, parallel: bool, work: impl Fn(usize, PipeRow) + Sync + Send) {
+        let chunk = FAMILIES * layout.stride;
+        let inner = chunk..chunk * (layout.nz + 1);
+        let (eta, moved) = (&mut self.eta[inner.clone()], &mut self.moved[inner.clone()]);
+        let sweep = &mut self.sweep[inner];
+        if parallel {
+            let rows = eta.par_chunks_mut(chunk).zip(moved.par_chunks_mut(chunk)).zip(sweep.par_chunks_mut(chunk));
+            rows.enumerate().for_each(|(z, ((eta, moved), sweep))| work(z + 1, PipeRow { eta, moved, sweep }));
+        } else {
+            let rows = eta.chunks_mut(chunk).zip(moved.chunks_mut(chunk)).zip(sweep.chunks_mut(chunk));
+            rows.enumerate().for_each(|(z, ((eta, moved), sweep))| work(z + 1, PipeRow { eta, moved, sweep }));
+        }
+    }
 }
 
 #[cfg(test)]

@@ -3,11 +3,11 @@
 //! Three passes, each over all columns, so that no order of columns or threads shows in the result.
 
 use super::Water;
-use super::layout::{FAMILIES, MARGIN, columns, pipes};
-use super::step::{each_row, each_row_of_two};
+use super::layout::{FAMILIES, Layout, MARGIN, PipeRow, columns, pipes};
+use super::step::{greater, each_row, each_row_of_two};
 
 /// A column's pipes: family, the shift to the owner, and whether the column is its tail; in pairs that mirror each other.
-const PAIRS: [[(usize, [isize; 2], bool); 2]; FAMILIES] = [
+pub(super) const PAIRS: [[(usize, [isize; 2], bool); 2]; FAMILIES] = [
     [(0, [0, 0], false), (0, [-1, 0], true)],
     [(1, [0, 0], false), (1, [0, -1], true)],
     [(2, [0, 0], false), (2, [-1, -1], true)],
@@ -20,26 +20,25 @@ const GIVES: f64 = 1.0 - 16.0 * f64::EPSILON;
 
 impl Water {
     /// Moves the volumes in `moved` as far as the columns can give them.
-    pub(super) fn move_volume(&mut self, parallel: bool) {
+    pub(super) fn move_volume(&mut self, dt: f64, parallel: bool) {
         let (stride, nx, area) = (self.layout.stride, self.layout.nx, self.layout.area);
-        let chunk = FAMILIES * stride;
-        let inner = self.layout.rows - 1;
+        let layout = &self.layout;
+        let inner = self.layout.nz + 1;
 
-        let (moved, depth) = (&self.moved, &self.depth);
+        let (moved, depth) = (&self.pipes.moved, &self.depth);
         each_row(&mut self.share[stride..inner * stride], stride, parallel, |z, share| {
             let (share, depth) = (&mut share[MARGIN..][..nx], &depth[z * nx..][..nx]);
             share_row(moved, stride, z + 1, depth, area, share);
         });
 
         let share = &self.share;
-        let (moved, eta) = (&mut self.moved[chunk..inner * chunk], &mut self.pipes[chunk..inner * chunk]);
-        each_row_of_two(moved, eta, chunk, parallel, |z, moved, eta| {
-            if (z + 1..z + 3).any(|row| share[row * stride..][..stride].iter().any(|&share| share < 1.0)) {
-                scale_row(share, stride, nx, z + 1, moved, eta);
+        self.pipes.each_row(layout, parallel, |row, pipes| {
+            if (row..row + 2).any(|row| share[row * stride..][..stride].iter().any(|&share| share < 1.0)) {
+                scale_row(share, layout, row, dt, pipes);
             }
         });
 
-        let moved = &self.moved;
+        let moved = &self.pipes.moved;
         each_row_of_two(&mut self.depth, &mut self.kept, nx, parallel, |z, depth, kept| {
             gather_row(moved, stride, z + 1, area, depth, kept);
         });
@@ -70,7 +69,7 @@ impl Water {
             for (pair, pipes) in PAIRS.iter().enumerate() {
                 for &(family, shift, is_tail) in pipes {
                     let owner = layout.moved(here, shift);
-                    let moved = self.moved[layout.pipe(owner, family)];
+                    let moved = self.pipes.moved[layout.pipe(owner, family)];
                     let inflow = if is_tail { moved } else { -moved }.max(0.0);
                     if inflow > 0.0 {
                         let [dx, dz] = super::OFFSETS[family];
@@ -112,7 +111,7 @@ fn share_row(moved: &[f64], stride: usize, row: usize, depth: &[f64], area: f64,
     };
     let [[e, w], [s, n], [se, nw], [sw, ne]] = PAIRS.map(|pair| pair.map(at));
     for i in 0..width {
-        let out = |head: f64, tail: f64| head.max(0.0) + (-tail).max(0.0);
+        let out = |head: f64, tail: f64| greater(head, 0.0) + greater(-tail, 0.0);
         let asked = (out(e[i], w[i]) + out(s[i], n[i])) + (out(se[i], nw[i]) + out(sw[i], ne[i]));
         let held = depth[i] * area * GIVES;
         share[i] = if asked > held { held / asked } else { 1.0 };
@@ -120,16 +119,19 @@ fn share_row(moved: &[f64], stride: usize, row: usize, depth: &[f64], area: f64,
 }
 
 /// Cuts the volumes and velocities of one row's pipes to the share of the column that gives.
-fn scale_row(share: &[f64], stride: usize, nx: usize, row: usize, moved: &mut [f64], eta: &mut [f64]) {
+fn scale_row(share: &[f64], layout: &Layout, row: usize, dt: f64, out: PipeRow) {
+    let (stride, nx) = (layout.stride, layout.nx);
     for (family, [dx, dz]) in super::OFFSETS.into_iter().enumerate() {
         let place = family * stride + MARGIN;
-        let (moved, eta) = (&mut moved[place..][..nx], &mut eta[place..][..nx]);
+        let (eta, moved) = (&mut out.eta[place..][..nx], &mut out.moved[place..][..nx]);
+        let (sweep, section) = (&mut out.sweep[place..][..nx], &layout.sections(row)[place..][..nx]);
         let head = columns(share, stride, row, 0, 0, nx);
         let tail = columns(share, stride, row.wrapping_add_signed(dz), 0, dx, nx);
         for i in 0..nx {
             let share = if moved[i] > 0.0 { head[i] } else { tail[i] };
-            moved[i] *= share;
             eta[i] *= share;
+            moved[i] *= share;
+            sweep[i] = eta[i] * (section[i] * dt);
         }
     }
 }
@@ -142,11 +144,11 @@ fn gather_row(moved: &[f64], stride: usize, row: usize, area: f64, depth: &mut [
     };
     let [[e, w], [s, n], [se, nw], [sw, ne]] = PAIRS.map(|pair| pair.map(at));
     for i in 0..width {
-        let out = |head: f64, tail: f64| head.max(0.0) + (-tail).max(0.0);
+        let out = |head: f64, tail: f64| greater(head, 0.0) + greater(-tail, 0.0);
         let given = (out(e[i], w[i]) + out(s[i], n[i])) + (out(se[i], nw[i]) + out(sw[i], ne[i]));
-        let into = |head: f64, tail: f64| (-head).max(0.0) + tail.max(0.0);
+        let into = |head: f64, tail: f64| greater(-head, 0.0) + greater(tail, 0.0);
         let taken = (into(e[i], w[i]) + into(s[i], n[i])) + (into(se[i], nw[i]) + into(sw[i], ne[i]));
-        kept[i] = (depth[i] * area - given).max(0.0);
+        kept[i] = greater(depth[i] * area - given, 0.0);
         let left = depth[i] + (taken - given) / area;
         // Less than any sum of water can tell from nothing, and before products of it underflow.
         depth[i] = if left < 1e-200 { 0.0 } else { left };

@@ -1,16 +1,18 @@
 //! Columns of water and the pipes between them: the body of the water (O'Brien and Hodgins 1995; Mould and Yang 1997).
 //!
 //! Here are the state, its settings and what others may ask of it or do to it; `layout` says where things lie, `step` moves
-//! the flow, `limit` the volume, `cells` the slabs of columns that are divided. Spray, sources and sinks are elsewhere.
+//! the flow, `limit` the volume, `velocity` makes velocities of columns of it, `cells` the slabs of columns that are divided. Spray, sources and sinks are elsewhere.
 
 mod layout;
 mod limit;
 mod step;
 #[cfg(test)]
 mod tests;
+mod velocity;
 
 use super::Grid;
-use layout::{DENSITY, FAMILIES, Layout, OFFSETS, WALL};
+use rayon::prelude::*;
+use layout::{FAMILIES, Layout, OFFSETS, Pipes, WALL};
 
 /// What the water obeys.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,14 +71,16 @@ pub struct Water {
     top: Vec<f64>,
     /// External pressure as metres of water, with margins.
     pressure: Vec<f64>,
-    /// Velocity in each pipe (m/s), positive away from its owner.
-    pipes: Vec<f64>,
-    next: Vec<f64>,
-    /// Flow through each pipe (m3/s) at the start of the step, and the volume (m3) that it moved.
-    flux: Vec<f64>,
-    moved: Vec<f64>,
+    /// The pipes as the last step left them, and as this one makes them; the length of the last step (s).
+    pipes: Pipes,
+    next: Pipes,
+    last_step: f64,
     /// Share of what its pipes ask for that a column can give.
     share: Vec<f64>,
+    /// Velocity of each column along x and z (m/s), and where the bed is rough its drag for each metre per second (1/m), at
+    /// the start of the step, with margins.
+    velocity: [Vec<f64>; 2],
+    drag: Vec<f64>,
     /// Volume (m3) that stayed in each column during the last step.
     kept: Vec<f64>,
 }
@@ -98,15 +102,16 @@ impl Water {
             wall[layout.padded_index(column)] = base[column];
             top[layout.padded_index(column)] = base[column] + depth[column];
         }
-        let pipes = vec![0.0; layout.padded_count() * FAMILIES];
+        let pipes = Pipes::new(&layout);
         Self {
             grid,
             settings,
             pressure: vec![0.0; layout.padded_count()],
             next: pipes.clone(),
-            flux: pipes.clone(),
-            moved: pipes.clone(),
+            last_step: 0.0,
             share: vec![1.0; layout.padded_count()],
+            velocity: [0, 1].map(|_| vec![0.0; layout.padded_count()]),
+            drag: vec![0.0; if settings.manning == 0.0 { 0 } else { layout.padded_count() }],
             kept: depth.iter().map(|depth| depth * grid.area()).collect(),
             layout,
             base,
@@ -178,59 +183,34 @@ impl Water {
         (self.depth[column] - before) * self.layout.area
     }
 
-    /// Every pipe's velocity (m/s): with the depths, all that the next step depends on. The order is this type's own.
-    pub fn pipes(&self) -> &[f64] {
-        &self.pipes
+    /// What the pipes remember: with the depths, all that the next step depends on. Its order is this type's own, its length
+    /// the same for every water of this map and these settings.
+    pub fn pipes(&self) -> Vec<f64> {
+        let mut all = Vec::with_capacity(2 * self.pipes.eta.len() + 1);
+        all.extend_from_slice(&self.pipes.eta);
+        all.extend_from_slice(&self.pipes.moved);
+        all.push(self.last_step);
+        all
     }
 
-    /// Puts back what [`Self::pipes`] gave. Returns false, and changes nothing, for another number of pipes.
+    /// Puts back what [`Self::pipes`] gave. Returns false, and changes nothing, for another number of values.
     #[must_use]
     pub fn set_pipes(&mut self, pipes: &[f64]) -> bool {
-        if pipes.len() != self.pipes.len() {
+        let count = self.pipes.eta.len();
+        if pipes.len() != 2 * count + 1 {
             return false;
         }
-        self.pipes.copy_from_slice(pipes);
-        true
-    }
-
-    /// Depth-averaged velocity (m/s) along x and z: the momentum in half of each of a column's pipes over its volume, at
-    /// most as fast as the fastest of them. 0 in a dry column.
-    pub fn flow_at(&self, column: usize) -> [f64; 2] {
-        let depth = self.depth[column];
-        if depth <= 0.0 {
-            return [0.0; 2];
-        }
-        let layout = &self.layout;
-        let here = layout.padded_index(column);
-        let mut momentum = [[0.0; 2]; FAMILIES];
-        let mut fastest = 0.0f64;
-        for (family, offset) in OFFSETS.into_iter().enumerate() {
-            let behind = layout.moved(here, [-offset[0], -offset[1]]);
-            let mut sum = 0.0;
-            for owner in [here, behind] {
-                let velocity = self.pipes[layout.pipe(owner, family)];
-                let height = step::open_height(&self.top, &self.wall, owner, layout.moved(owner, offset), velocity);
-                sum += velocity * height;
-                fastest = fastest.max(velocity.abs());
+        self.pipes.eta.copy_from_slice(&pipes[..count]);
+        self.pipes.moved.copy_from_slice(&pipes[count..2 * count]);
+        self.last_step = pipes[2 * count];
+        let (layout, chunk) = (&self.layout, FAMILIES * self.layout.stride);
+        let sweep = self.pipes.sweep.chunks_exact_mut(chunk).zip(self.pipes.eta.chunks_exact(chunk));
+        for (row, (sweep, eta)) in sweep.enumerate() {
+            for ((sweep, eta), section) in sweep.iter_mut().zip(eta).zip(layout.sections(row)) {
+                *sweep = eta * (section * self.last_step);
             }
-            let weight = 0.5 * layout.section[family] * layout.length[family] / (layout.area * depth);
-            momentum[family] = layout.direction[family].map(|cosine| sum * weight * cosine);
         }
-        // Axes before diagonals, so that a mirrored map gives the mirrored bits.
-        let flow = [0, 1].map(|axis| (momentum[0][axis] + momentum[1][axis]) + (momentum[2][axis] + momentum[3][axis]));
-        let speed = flow[0].hypot(flow[1]);
-        if speed > fastest { flow.map(|part| part * (fastest / speed)) } else { flow }
-    }
-
-    /// [`Self::flow_at`] of every column.
-    pub fn flow(&self) -> Vec<[f64; 2]> {
-        (0..self.depth.len()).map(|column| self.flow_at(column)).collect()
-    }
-
-    /// Pressure at a column's bed (Pa above air): hydrostatic, dynamic and external.
-    pub fn pressure_at_base(&self, column: usize, external: f64) -> f64 {
-        let [x, z] = self.flow_at(column);
-        DENSITY * self.settings.gravity * self.depth[column] + 0.5 * DENSITY * (x * x + z * z) + external
+        true
     }
 
     /// The longest step that is stable.
@@ -240,35 +220,16 @@ impl Water {
     /// dt c sqrt(1 / dx^2 + 1 / dz^2) < 1.
     pub fn largest_step(&self) -> Step {
         let layout = &self.layout;
-        let [dx, dz] = self.grid.width;
-        let mut worst = Step { seconds: f64::INFINITY, column: 0, speed: 0.0 };
-        let mut greatest = 0.0;
-        for z in 0..layout.nz {
-            for x in 0..layout.nx {
-                let column = z * layout.nx + x;
-                let depth = self.depth[column];
-                if depth <= 0.0 {
-                    continue;
-                }
-                let here = layout.padded(x, z);
-                let mut along = [0.0f64; 2];
-                for (family, offset) in OFFSETS.into_iter().enumerate() {
-                    let behind = layout.moved(here, [-offset[0], -offset[1]]);
-                    let fastest = self.pipes[layout.pipe(here, family)].abs();
-                    let fastest = fastest.max(self.pipes[layout.pipe(behind, family)].abs());
-                    for axis in 0..2 {
-                        along[axis] = along[axis].max(fastest * layout.direction[family][axis].abs());
-                    }
-                }
-                let wave = (self.settings.gravity * depth).sqrt();
-                let rate = (along[0] + wave) / dx + (along[1] + wave) / dz;
-                if rate > greatest {
-                    greatest = rate;
-                    worst =
-                        Step { seconds: self.settings.courant / rate, column, speed: along[0].max(along[1]) + wave };
-                }
-            }
-        }
-        worst
+        let row = |z: usize| step::fastest(&self.pipes.eta, layout, z, &self.depth, self.settings.gravity, self.grid.width);
+        let greater = |a: step::Fastest, b: step::Fastest| if b.rate > a.rate { b } else { a };
+        let worst = if step::is_parallel(self.grid.count()) {
+            // Rows come back in order, and of equals the first wins, whoever made them.
+            (0..layout.nz).into_par_iter().map(row).reduce(step::Fastest::default, |a, b| {
+                if (b.rate, a.column) > (a.rate, b.column) { b } else { a }
+            })
+        } else {
+            (0..layout.nz).map(row).fold(step::Fastest::default(), greater)
+        };
+        Step { seconds: self.settings.courant / worst.rate, column: worst.column, speed: worst.speed }
     }
 }
