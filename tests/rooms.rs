@@ -13,7 +13,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("surface", &["simd", "scene", "state"]),
     ("particles", &["scene", "state"]),
     ("terrain", &["scene", "state", "surface"]),
-    ("sim", &["scene", "state", "terrain"]),
+    ("sim", &["simd", "scene", "state", "terrain"]),
     ("lower", &["simd", "scene", "state", "surface", "particles", "terrain"]),
     ("accel", &["ffi", "scene", "surface", "lower"]),
     ("optics", &["scene"]),

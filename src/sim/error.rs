@@ -21,4 +21,7 @@ pub enum SimError {
         /// Steps that it may take.
         most: u32,
     },
+    /// A sphere or panel of the model that spray cannot bounce off.
+    #[error("the model: {0}")]
+    Solid(#[source] crate::terrain::TerrainError),
 }

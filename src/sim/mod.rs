@@ -6,6 +6,14 @@
 
 mod error;
 mod grid;
+mod solids;
+mod spray;
+mod turbulence;
+mod water;
 
 pub use error::SimError;
 pub use grid::Grid;
+pub use solids::Solids;
+pub use spray::{Spray, SprayCounts, SprayState};
+pub use turbulence::Turbulence;
+pub use water::{Forcing, Step, Water, WaterSettings};

@@ -1,0 +1,5 @@
+//! What the water must do.
+
+use super::*;
+
+mod conservation;
