@@ -6,6 +6,9 @@
 
 mod error;
 mod grid;
+mod regions;
+mod setup;
 
 pub use error::SimError;
 pub use grid::Grid;
+pub use setup::{Held, Inflow, Pressed, Setup, prepare};
