@@ -24,4 +24,20 @@ pub enum SimError {
     /// A sphere or panel of the model that spray cannot bounce off.
     #[error("the model: {0}")]
     Solid(#[source] crate::terrain::TerrainError),
+    /// The ground cannot be built.
+    #[error(transparent)]
+    Ground(#[from] crate::terrain::TerrainError),
+    /// A file of the simulation cannot be read or written.
+    #[error(transparent)]
+    File(#[from] crate::state::StateError),
+    /// A key, or several together, say what cannot be.
+    #[error("{key}: {found}; expected {expected}")]
+    Setting {
+        /// The key's full path.
+        key: String,
+        /// What it says.
+        found: String,
+        /// What would fit.
+        expected: String,
+    },
 }

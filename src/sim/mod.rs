@@ -6,6 +6,8 @@
 
 mod error;
 mod grid;
+mod regions;
+mod setup;
 mod solids;
 mod spray;
 mod turbulence;
@@ -13,6 +15,7 @@ mod water;
 
 pub use error::SimError;
 pub use grid::Grid;
+pub use setup::{Held, Inflow, Pressed, Setup, prepare};
 pub use solids::Solids;
 pub use spray::{Spray, SprayCounts, SprayState};
 pub use turbulence::Turbulence;

@@ -1,8 +1,11 @@
 //! The ground and what stands on it: its colour, where the water meets it, how much sky it sees, meshes and solids.
 //!
-//! The bed's shape is a surface of its own (the surface room); here is its look, and the shapes of everything else.
+//! The bed's shape is a surface of its own (the surface room); here is its look, and the shapes of everything else. Height
+//! maps and landforms are where a simulation's bed comes from.
 
 mod ground;
+mod height_map;
+mod landform;
 mod mesh;
 mod noise;
 mod sky_view;
@@ -12,12 +15,14 @@ mod waterline;
 use std::path::PathBuf;
 
 pub use ground::{Ground, GroundPoint};
+pub use height_map::{HeightMap, Reading};
+pub use landform::{LARGEST_NUMBER_OF_COLUMNS, land};
 pub use mesh::{DEFAULT_ALBEDO, Mesh, MeshAlbedo, load_mesh};
 pub use sky_view::SkyView;
 pub use solid::{Ball, ball, panel};
 pub use waterline::Waterline;
 
-/// What can be wrong with meshes and solids.
+/// What can be wrong with meshes, solids, height maps and landforms.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TerrainError {
@@ -82,5 +87,85 @@ pub enum TerrainError {
         center: [f64; 3],
         /// Its radius (m).
         radius: f64,
+    },
+    /// The file's ending names no height map that is read.
+    #[error(
+        "{path}: not a kind of height map that is read; expected .tif (GeoTIFF), .png (16 bit), .exr, .asc (ESRI ASCII grid), \
+         .npz or .state",
+        path = path.display()
+    )]
+    UnknownMap {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The system could not open or read a file.
+    #[error("{path}: cannot be read: {source}", path = path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A height map holds something wrong, or something that is not read.
+    #[error("{path}: {place}: {found}; expected {expected}", path = path.display())]
+    Map {
+        /// The file.
+        path: PathBuf,
+        /// Where in it.
+        place: String,
+        /// What stands there.
+        found: String,
+        /// What should.
+        expected: String,
+    },
+    /// A frame that should serve as a height map.
+    #[error(transparent)]
+    Frame(#[from] crate::state::StateError),
+    /// Samples without data.
+    #[error(
+        "{path}: no data in {count} of {samples} samples, the first at column {}, row {}; expected a height in each: \
+         crop the map to a part without holes, or fill them",
+        first[0], first[1], path = path.display()
+    )]
+    Holes {
+        /// The file.
+        path: PathBuf,
+        /// How many have none.
+        count: usize,
+        /// Of how many.
+        samples: usize,
+        /// Column and row of the first, counted from 0 in the whole map.
+        first: [usize; 2],
+    },
+    /// A part of a map that it does not have.
+    #[error(
+        "{path}: crop {crop:?}: expected first column, first row, last column, last row within {nx} x {nz} samples",
+        path = path.display()
+    )]
+    Crop {
+        /// The file.
+        path: PathBuf,
+        /// The part.
+        crop: [usize; 4],
+        /// Samples along x.
+        nx: usize,
+        /// Samples along z.
+        nz: usize,
+    },
+    /// Neither the file nor the scene says how far the samples are apart.
+    #[error("{path}: the file does not say how far its samples are apart; expected simulation.terrain.spacing", path = path.display())]
+    NoSpacing {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Keys of a landform that do not fit together, or do not fit its map.
+    #[error("simulation.terrain.{key}: {found}; expected {expected}")]
+    Landform {
+        /// The key under `simulation.terrain`.
+        key: &'static str,
+        /// What it says.
+        found: String,
+        /// What would fit.
+        expected: String,
     },
 }

@@ -9,6 +9,9 @@ use glam::{DVec3, Vec3};
 const MOST: usize = 10;
 /// Ratio of wavelengths from octave to octave; no whole number, so that lattices never line up.
 const STEP: f64 = 2.1;
+/// Root mean square of one octave over a plan: sqrt(8 A B V), with A and B the integrals over a cell of w^2 x^2 and w^2,
+/// w = 1 - fade(x), and V = 1/3 the variance of a corner's gradient along an axis.
+pub(super) const PLAN_RMS: f64 = 0.1763;
 
 /// One frequency of a field.
 #[derive(Clone, Copy, Debug)]
@@ -40,6 +43,9 @@ pub(super) struct Field {
 }
 
 impl Field {
+    /// Octaves that there are.
+    pub(super) const MOST: usize = MOST;
+
     /// A field whose coarsest cells are `size` metres wide, for a local frame around `origin`.
     pub(super) fn new(size: f64, origin: DVec3, seed: u32) -> Self {
         let octave = |index: usize| {
@@ -59,6 +65,11 @@ impl Field {
             }
         };
         Self { octaves: std::array::from_fn(octave) }
+    }
+
+    /// How many octaves, from the coarsest, have cells of at least `cell` metres.
+    pub(super) fn octaves_down_to(&self, cell: f64) -> usize {
+        self.octaves.iter().take_while(|octave| 1.0 >= cell * f64::from(octave.frequency)).count()
     }
 
     /// Sum of octaves `first..last` over the plan (x, z) of a local position, each `gain` of the one before; about -1..1, mean 0.
@@ -248,6 +259,19 @@ mod tests {
         }
         assert!((sum / 40_000.0).abs() < 0.01);
         assert!(squares / 40_000.0 > 0.02);
+    }
+
+    #[test]
+    fn an_octave_is_as_strong_as_its_constant_says() {
+        let field = Field::new(1.0, DVec3::ZERO, 4);
+        // A step that no cell has in common with: each fraction of a cell is met.
+        let value = |i: usize| {
+            f64::from(field.plan(Vec3::new((i % 400) as f32, 0.0, (i / 400) as f32) * 0.618_034, 0.0, 0, 1, 1.0))
+        };
+        let squares: f64 = (0..160_000).map(|i| value(i).powi(2)).sum();
+        assert!(((squares / 160_000.0).sqrt() / PLAN_RMS - 1.0).abs() < 0.01);
+        assert_eq!([1.0, 0.48, 0.47, 0.2].map(|cell| field.octaves_down_to(cell)), [1, 1, 2, 3]);
+        assert_eq!([1.01, 1e-9].map(|cell| field.octaves_down_to(cell)), [0, MOST]);
     }
 
     proptest! {
