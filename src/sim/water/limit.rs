@@ -93,7 +93,7 @@ impl Water {
         let layout = &self.layout;
         let here = layout.padded_index(column);
         for (family, shift, is_tail) in PAIRS.into_iter().flatten() {
-            let moved = self.moved[layout.pipe(layout.moved(here, shift), family)];
+            let moved = self.pipes.moved[layout.pipe(layout.moved(here, shift), family)];
             let inflow = if is_tail { moved } else { -moved };
             if inflow > 0.0 {
                 let [dx, dz] = super::OFFSETS[family].map(|offset| if is_tail { -offset } else { offset });
