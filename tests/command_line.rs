@@ -42,10 +42,10 @@ fn refused(output: &Output) -> Vec<String> {
 fn help_names_every_command_and_shows_examples() {
     let output = whitewater(&["--help"]);
     assert_eq!(output.status.code(), Some(0));
-    for part in ["render", "inspect", "convert", "trace", "schema", "bench", "Examples:", "Exit codes:"] {
+    for part in ["render", "simulate", "inspect", "convert", "trace", "schema", "bench", "Examples:", "Exit codes:"] {
         assert!(out(&output).contains(part), "{part} is not in\n{}", out(&output));
     }
-    for command in ["render", "inspect", "convert", "trace", "schema", "bench"] {
+    for command in ["render", "simulate", "inspect", "convert", "trace", "schema", "bench"] {
         let output = whitewater(&[command, "--help"]);
         assert_eq!(output.status.code(), Some(0));
         assert!(out(&output).contains("Example"), "{command}");

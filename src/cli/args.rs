@@ -18,6 +18,7 @@ use crate::simd::SimdLevel;
 #[command(after_help = "\
 Examples:
   whitewater render scenes/small/scene.toml -o out.exr
+  whitewater simulate scenes/river/scene.toml --frames 48
   whitewater inspect scenes/small/time000.state
   whitewater COMMAND --help
 
@@ -33,6 +34,8 @@ pub struct Cli {
 pub enum Command {
     /// Render frames of a scene to EXR, PNG, JPEG or BMP
     Render(RenderArgs),
+    /// Make the frames of a scene: simulate its water
+    Simulate(SimulateArgs),
     /// Show what simulation files hold
     Inspect(InspectArgs),
     /// Convert a frame between text and NPZ
@@ -168,6 +171,45 @@ impl RenderArgs {
     pub fn selection(&self) -> Option<FrameSelection> {
         self.frame.map(FrameSelection::one).or_else(|| self.frames.clone())
     }
+}
+
+/// `whitewater simulate`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+Examples:
+  whitewater simulate scenes/river/scene.toml --frames 48
+  whitewater simulate scene.toml -o /tmp/try --set simulation.spray.enabled=false --stats stats.json
+
+Writes model.state, time000.state to time<N-1>.state, and simulation.checkpoint, from which the same command goes on
+where it was stopped (Ctrl-C), to the same bits. More --frames continue a finished run.")]
+pub struct SimulateArgs {
+    /// The scene and its overrides.
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The folder of the frames [default: where the scene's frames.files points]
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// How many frames, from 0 on [default: simulation.duration * frames.fps + 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=FrameSelection::MOST as u64))]
+    pub frames: Option<u64>,
+    /// Write text [default: NPZ]
+    #[arg(long)]
+    pub text: bool,
+    /// Begin anew: replace the frames that are there
+    #[arg(long)]
+    pub restart: bool,
+    /// Threads [default: all processors]
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub threads: Option<NonZeroUsize>,
+    /// Write seconds, steps, spray and the account of all water as JSON
+    #[arg(long, value_name = "FILE")]
+    pub stats: Option<PathBuf>,
+    /// Show errors only
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// Say what is being done
+    #[arg(short, long)]
+    pub verbose: bool,
 }
 
 /// `whitewater trace`.

@@ -4,10 +4,12 @@ pub mod args;
 pub mod bench;
 pub mod errors;
 pub mod load;
+mod look;
 pub mod progress;
 pub mod render;
 pub mod schema;
 pub mod signals;
+pub mod simulate;
 pub mod stats;
 pub mod trace;
 pub mod values;
@@ -52,6 +54,7 @@ pub fn run(arguments: impl Iterator<Item = OsString>) -> ExitCode {
 fn dispatch(command: &Command) -> Result<Outcome, CliError> {
     match command {
         Command::Render(arguments) => render::run(arguments),
+        Command::Simulate(arguments) => simulate::run(arguments),
         Command::Trace(arguments) => trace::run(arguments),
         Command::Schema => schema::run(),
         Command::Bench(arguments) => bench::run(arguments),
@@ -83,6 +86,8 @@ fn start_log(command: &Command) -> Result<(), CliError> {
     let level = match command {
         Command::Render(arguments) if arguments.quiet => "error",
         Command::Render(arguments) if arguments.verbose => "warn,whitewater=debug",
+        Command::Simulate(arguments) if arguments.quiet => "error",
+        Command::Simulate(arguments) if arguments.verbose => "warn,whitewater=debug",
         _ => "warn",
     };
     let filter = match std::env::var("WHITEWATER_LOG") {
@@ -93,6 +98,6 @@ fn start_log(command: &Command) -> Result<(), CliError> {
     };
     let subscriber = tracing_subscriber::fmt().with_env_filter(filter).with_target(false).without_time();
     // A program that calls this twice keeps its first log.
-    let _ = subscriber.with_ansi(false).with_writer(progress::log_writer).try_init();
+    let _ = subscriber.with_ansi(false).with_writer(look::log_writer).try_init();
     Ok(())
 }

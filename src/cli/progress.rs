@@ -1,34 +1,20 @@
-//! How a render's progress looks: a bar on a terminal, plain lines without one, nothing if quiet.
+//! What a render says of its progress.
 //!
 //! Rates and remaining times are of the current frame. Clock times are local.
 
-use std::io::{self, IsTerminal, Write};
-use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::Mutex;
+use std::time::Instant;
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use time::OffsetDateTime;
-use time::macros::format_description;
 
+use super::look::{LONGEST_SILENCE, Look, clock, duration, local_now, lock};
 use crate::render::observer::Observer;
-
-/// Without a terminal, a line is written at each tenth, and after this long without one.
-const LONGEST_SILENCE: Duration = Duration::from_secs(10);
-
-/// The bar on screen, if there is one: what else is written to standard error must not cut through it.
-static BAR: Mutex<Option<ProgressBar>> = Mutex::new(None);
 
 /// Shows how far a render is. Told from any thread.
 pub struct Progress {
     look: Look,
     frames: usize,
     frame: Mutex<Option<Frame>>,
-}
-
-enum Look {
-    Quiet,
-    Bar(ProgressBar),
-    Lines(Mutex<Box<dyn Write + Send>>),
 }
 
 /// The frame that is being rendered.
@@ -47,19 +33,13 @@ struct Frame {
 impl Progress {
     /// For `frames` frames, on standard error: a bar if it is a terminal, lines if not.
     pub fn new(quiet: bool, frames: usize) -> Self {
-        let look = if quiet {
-            Look::Quiet
-        } else if io::stderr().is_terminal() {
-            Look::Bar(bar())
-        } else {
-            Look::Lines(Mutex::new(Box::new(io::stderr())))
-        };
+        let look = Look::new(quiet, "{prefix} [{wide_bar}] {percent:>3} % {pos}/{len} tiles, {msg}");
         Self { look, frames, frame: Mutex::new(None) }
     }
 
     /// Lines to anywhere.
-    pub fn lines(frames: usize, out: impl Write + Send + 'static) -> Self {
-        Self { look: Look::Lines(Mutex::new(Box::new(out))), frames, frame: Mutex::new(None) }
+    pub fn lines(frames: usize, out: impl std::io::Write + Send + 'static) -> Self {
+        Self { look: Look::lines(out), frames, frame: Mutex::new(None) }
     }
 
     /// Frame `number`, the `index`th (from 1) of all, begins.
@@ -74,10 +54,7 @@ impl Progress {
             bar.set_message("preparing");
         }
         self.say(&format!("{title}: {width}x{height}, started {}", clock(began_at)));
-        if let Look::Bar(bar) = &self.look {
-            bar.enable_steady_tick(Duration::from_millis(250));
-            *lock(&BAR) = Some(bar.clone());
-        }
+        self.look.show();
         let size = (width, height);
         *lock(&self.frame) =
             Some(Frame { title, size, began, began_at, done: 0, total: 0, rays: 0, tenth: 0, spoke: began });
@@ -86,11 +63,7 @@ impl Progress {
     /// The frame has ended; `result` says how, as `wrote out.exr`.
     pub fn finish(&self, result: &str) {
         let Some(frame) = lock(&self.frame).take() else { return };
-        if let Look::Bar(bar) = &self.look {
-            bar.disable_steady_tick();
-            bar.finish_and_clear();
-            *lock(&BAR) = None;
-        }
+        self.look.hide();
         let seconds = frame.began.elapsed().as_secs_f64();
         self.say(&format!(
             "{}: {}x{}, started {}, ended {}, took {}, {:.2} Mrays, {}; {result}",
@@ -107,11 +80,7 @@ impl Progress {
 
     /// A line of its own, above the bar.
     pub fn say(&self, line: &str) {
-        match &self.look {
-            Look::Quiet => {}
-            Look::Bar(bar) => bar.suspend(|| write_line(&mut io::stderr(), line)),
-            Look::Lines(out) => write_line(&mut **lock(out), line),
-        }
+        self.look.say(line);
     }
 }
 
@@ -136,7 +105,7 @@ impl Observer for Progress {
                 bar.set_position(frame.done);
                 bar.set_message(format!("{} left, {rate}", duration(left)));
             }
-            Look::Lines(out) => {
+            Look::Lines(_) => {
                 let tenth = frame.done * 10 / frame.total;
                 if tenth > frame.tenth || frame.spoke.elapsed() >= LONGEST_SILENCE {
                     frame.tenth = tenth;
@@ -144,67 +113,11 @@ impl Observer for Progress {
                     let percent = frame.done * 100 / frame.total;
                     let (done, total, left) = (frame.done, frame.total, duration(left));
                     let line = format!("{}: {percent} %, {done}/{total} tiles, {left} left, {rate}", frame.title);
-                    write_line(&mut **lock(out), &line);
+                    self.look.say(&line);
                 }
             }
         }
     }
-}
-
-impl Drop for Progress {
-    /// A render that ends by an error leaves no bar behind it.
-    fn drop(&mut self) {
-        if let Look::Bar(bar) = &self.look {
-            bar.finish_and_clear();
-            *lock(&BAR) = None;
-        }
-    }
-}
-
-/// Now, by the local clock where the system tells its offset, else by UTC.
-pub fn local_now() -> OffsetDateTime {
-    OffsetDateTime::now_local().unwrap_or_else(|_| OffsetDateTime::now_utc())
-}
-
-/// Standard error for the log: each message above the bar.
-pub(super) fn log_writer() -> impl Write {
-    struct Log;
-    impl Write for Log {
-        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-            let bar = lock(&BAR).clone();
-            match bar {
-                Some(bar) => bar.suspend(|| io::stderr().write_all(bytes))?,
-                None => io::stderr().write_all(bytes)?,
-            }
-            Ok(bytes.len())
-        }
-        fn flush(&mut self) -> io::Result<()> {
-            io::stderr().flush()
-        }
-    }
-    Log
-}
-
-fn bar() -> ProgressBar {
-    let style = ProgressStyle::with_template("{prefix} [{wide_bar}] {percent:>3} % {pos}/{len} tiles, {msg}")
-        .expect("the template is well formed")
-        .progress_chars("=> ");
-    ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::stderr()).with_style(style)
-}
-
-/// A closed standard error must not end a render.
-fn write_line(out: &mut dyn Write, line: &str) {
-    let _ = out.write_all(format!("{line}\n").as_bytes()).and_then(|()| out.flush());
-}
-
-/// A thread that panicked while it held the lock left nothing half done: counts are plain numbers.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-fn clock(time: OffsetDateTime) -> String {
-    let format = format_description!("[year]-[month]-[day] [hour]:[minute]:[second]");
-    time.format(&format).unwrap_or_else(|_| "at an unknown time".to_owned())
 }
 
 fn rate(rays: u64, seconds: f64) -> String {
@@ -212,37 +125,10 @@ fn rate(rays: u64, seconds: f64) -> String {
     format!("{:.2} Mrays/s", if seconds > 0.0 { rays as f64 * 1e-6 / seconds } else { 0.0 })
 }
 
-fn duration(seconds: f64) -> String {
-    let whole = seconds.round() as u64;
-    match whole {
-        0..60 => format!("{seconds:.1} s"),
-        60..3600 => format!("{} min {:02} s", whole / 60, whole % 60),
-        _ => format!("{} h {:02} min", whole / 3600, whole % 3600 / 60),
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
-
-    #[derive(Clone, Default)]
-    struct Page(Arc<Mutex<Vec<u8>>>);
-    impl Write for Page {
-        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-            lock(&self.0).extend_from_slice(bytes);
-            Ok(bytes.len())
-        }
-        fn flush(&mut self) -> io::Result<()> {
-            Ok(())
-        }
-    }
-    impl Page {
-        fn lines(&self) -> Vec<String> {
-            String::from_utf8_lossy(&lock(&self.0)).lines().map(str::to_owned).collect()
-        }
-    }
+    use crate::cli::look::page::Page;
 
     #[test]
     fn lines_say_start_tenths_and_end() {
@@ -290,13 +176,5 @@ mod tests {
         progress.tiles(1, 2, 3);
         progress.finish("nothing");
         assert!(page.lines().is_empty());
-    }
-
-    #[test]
-    fn durations_read_as_a_person_says_them() {
-        assert_eq!(duration(0.25), "0.2 s");
-        assert_eq!(duration(59.4), "59.4 s");
-        assert_eq!(duration(59.7), "1 min 00 s");
-        assert_eq!(duration(3725.0), "1 h 02 min");
     }
 }

@@ -94,9 +94,17 @@ impl RunStats {
     /// The file cannot be written.
     pub fn save(&mut self, path: &Path) -> Result<(), CliError> {
         self.peak_memory_bytes = peak_memory();
-        let text = serde_json::to_string_pretty(self).map_err(anyhow::Error::from)?;
-        std::fs::write(path, text + "\n").map_err(|error| anyhow::anyhow!("--stats {}: {error}", path.display()).into())
+        write_json(self, path)
     }
+}
+
+/// Writes what `--stats` asks for.
+///
+/// # Errors
+/// The file cannot be written.
+pub(super) fn write_json(stats: &impl Serialize, path: &Path) -> Result<(), CliError> {
+    let text = serde_json::to_string_pretty(stats).map_err(anyhow::Error::from)?;
+    std::fs::write(path, text + "\n").map_err(|error| anyhow::anyhow!("--stats {}: {error}", path.display()).into())
 }
 
 /// Names of the parts.
@@ -105,7 +113,7 @@ pub fn part_names(lowered: &Lowered) -> Vec<String> {
 }
 
 /// Peak resident memory of this process (bytes).
-fn peak_memory() -> Option<u64> {
+pub(super) fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kilobytes| kilobytes * 1024)

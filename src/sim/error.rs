@@ -40,4 +40,43 @@ pub enum SimError {
         /// What would fit.
         expected: String,
     },
+    /// The longest step that the scene allows makes too many of them.
+    #[error(
+        "simulation.step = {step} s: one frame of {frame} s would take {steps:.0} steps, and simulation.most_steps is {most}"
+    )]
+    StepTooShort {
+        /// The longest step (s).
+        step: f64,
+        /// Time between frames (s).
+        frame: f64,
+        /// Steps that a frame would take.
+        steps: f64,
+        /// Steps that it may take.
+        most: u32,
+    },
+    /// The state has a number that is none.
+    #[error("column {column:?} at {time} s is not finite; expected a smaller simulation.step or simulation.courant")]
+    NotFinite {
+        /// Simulated time (s).
+        time: f64,
+        /// Column along x and z.
+        column: [usize; 2],
+    },
+    /// A checkpoint of another simulation.
+    #[error(
+        "{}: made by another simulation (its [simulation] table, frames.fps, the files that it names, or the program's \
+         version differ); --restart makes all frames anew, -o puts them into another folder", path.display()
+    )]
+    OtherSimulation {
+        /// The checkpoint.
+        path: std::path::PathBuf,
+    },
+    /// A checkpoint that cannot be gone on from.
+    #[error("{}: damaged: {problem}; --restart makes all frames anew", path.display())]
+    BadCheckpoint {
+        /// The checkpoint.
+        path: std::path::PathBuf,
+        /// What is wrong with it.
+        problem: String,
+    },
 }

@@ -4,18 +4,24 @@
 //! graphics, 1997, and appendix A of the report. Double precision throughout; metres, seconds, y up.
 //! Nothing here draws, and nothing below `cli` and `bench` knows of it: its frames reach the renderer as files.
 
+mod checkpoint;
 mod error;
 mod grid;
+mod ledger;
 mod regions;
 mod setup;
+mod simulator;
 mod solids;
 mod spray;
 mod turbulence;
 mod water;
 
+pub use checkpoint::{CHECKPOINT_NAME, Checkpoint, Identity, Made};
 pub use error::SimError;
 pub use grid::Grid;
+pub use ledger::{Balance, Ledger, Sum};
 pub use setup::{Held, Inflow, Pressed, Setup, prepare};
+pub use simulator::{Advance, Moment, Phases, Simulator, SimulatorState, Work};
 pub use solids::Solids;
 pub use spray::{Spray, SprayCounts, SprayState};
 pub use turbulence::Turbulence;

@@ -22,7 +22,11 @@ pub struct KnownMap {
 /// Every documented map.
 pub const KNOWN: [KnownMap; 3] = [
     KnownMap { name: "vorticity", unit: "1/s", meaning: "curl of the flow about the vertical" },
-    KnownMap { name: "turbulence", unit: "m/s", meaning: "root mean square of the velocity's unresolved part" },
+    KnownMap {
+        name: "turbulence",
+        unit: "m/s",
+        meaning: "root mean square of one component of the turbulent velocity",
+    },
     KnownMap { name: "aeration", unit: "", meaning: "share of air in the water's volume, 0 to 1" },
 ];
 

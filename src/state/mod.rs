@@ -31,7 +31,7 @@ pub use frame_text::write_frame_text;
 pub use model_text::write_model;
 pub use npy::Header;
 pub use npz::{Archive, Array};
-pub use sequence::FrameSequence;
+pub use sequence::{FramePattern, FrameSequence};
 
 use error::Problems;
 

@@ -1,4 +1,4 @@
-//! Which files are the frames of a scene: a pattern with `###` → frame numbers and paths.
+//! Which files are the frames of a scene: a pattern with `###` ↔ frame numbers and paths.
 //!
 //! Only names are looked at; no file is opened.
 
@@ -18,42 +18,31 @@ pub struct FrameSequence {
 }
 
 impl FrameSequence {
-    /// Finds the files that a pattern means. In the pattern's file name one run of `#` stands for the frame number in any
-    /// count of digits; `.state` and `.npz` stand for each other. Without `#` the pattern is one file, whose number is
-    /// the last run of digits in its name, or 0.
+    /// Finds the files that a pattern means, see [`FramePattern::new`].
     ///
     /// # Errors
     /// Two files of one number, no file at all, a pattern that cannot be understood, a directory that cannot be read.
     pub fn find(pattern: &str, base_directory: &Path) -> Result<FrameSequence, StateError> {
-        let bad = |expected| StateError::Pattern { pattern: pattern.to_string(), expected };
-        let path = base_directory.join(pattern);
-        let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
-            return Err(bad("expected the name of a file"));
-        };
-        let directory = match path.parent() {
-            Some(directory) if !directory.as_os_str().is_empty() => directory.to_path_buf(),
-            _ => PathBuf::from("."),
-        };
-        let folders = pattern.strip_suffix(name).unwrap_or_default();
-        if folders.contains('#') {
-            return Err(bad("`#` stands for the frame number only in the file's name, not in a folder's"));
-        }
-        if name.contains('#') {
-            let pattern_name = Name::new(name).ok_or_else(|| bad("expected one run of `#`, as in `time###.state`"))?;
-            pattern_name.search(pattern, &directory)
-        } else {
-            if !path.exists() {
-                return Err(StateError::NoFrames { pattern: pattern.into(), directory, example: format!("`{name}`") });
+        let names = FramePattern::new(pattern, base_directory)?;
+        let mut frames = BTreeMap::new();
+        for (number, path) in names.existing()? {
+            match frames.entry(number) {
+                Entry::Vacant(vacant) => {
+                    vacant.insert(path);
+                }
+                Entry::Occupied(first) => {
+                    return Err(StateError::TwoFiles { number, first: first.get().clone(), second: path });
+                }
             }
-            let stem = Path::new(name).file_stem().and_then(|stem| stem.to_str()).unwrap_or(name);
-            let digits = stem.rsplit(|c: char| !c.is_ascii_digit()).find(|digits| !digits.is_empty());
-            let number = match digits.map(str::parse) {
-                None => 0,
-                Some(Ok(number)) => number,
-                Some(Err(_)) => return Err(StateError::FrameNumber { path }),
-            };
-            Ok(FrameSequence { frames: BTreeMap::from([(number, path)]) })
         }
+        if frames.is_empty() {
+            let example = match Marked::new(&names.name) {
+                Some(Marked { before, after }) => format!("`{before}0{after}`, `{before}001{after}`"),
+                None => format!("`{}`", names.name),
+            };
+            return Err(StateError::NoFrames { pattern: pattern.into(), directory: names.directory, example });
+        }
+        Ok(FrameSequence { frames })
     }
 
     /// The file of a frame.
@@ -83,17 +72,139 @@ impl FrameSequence {
     }
 }
 
+/// The names that a scene's frames have, or will have once they are written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FramePattern {
+    directory: PathBuf,
+    name: String,
+}
+
+impl FramePattern {
+    /// In the pattern's file name one run of `#` stands for the frame number in any count of digits; `.state` and `.npz`
+    /// stand for each other. Without `#` the pattern is one file, whose number is the last run of digits in its name, or 0.
+    ///
+    /// # Errors
+    /// A pattern that cannot be understood.
+    pub fn new(pattern: &str, base_directory: &Path) -> Result<FramePattern, StateError> {
+        let bad = |expected| StateError::Pattern { pattern: pattern.to_string(), expected };
+        let path = base_directory.join(pattern);
+        let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
+            return Err(bad("expected the name of a file"));
+        };
+        let folders = pattern.strip_suffix(name).unwrap_or_default();
+        if folders.contains('#') {
+            return Err(bad("`#` stands for the frame number only in the file's name, not in a folder's"));
+        }
+        if name.contains('#') && Marked::new(name).is_none() {
+            return Err(bad("expected one run of `#`, as in `time###.state`"));
+        }
+        let directory = match path.parent() {
+            Some(directory) if !directory.as_os_str().is_empty() => directory.to_path_buf(),
+            _ => PathBuf::from("."),
+        };
+        Ok(FramePattern { directory, name: name.to_string() })
+    }
+
+    /// The same names in another folder.
+    pub fn in_directory(self, directory: &Path) -> FramePattern {
+        FramePattern { directory: directory.to_path_buf(), ..self }
+    }
+
+    /// The same names with another extension.
+    pub fn with_extension(self, extension: &str) -> FramePattern {
+        let name = Path::new(&self.name).with_extension(extension).to_string_lossy().into_owned();
+        FramePattern { name, ..self }
+    }
+
+    /// The folder of the frames.
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+
+    /// The name within the folder, with its `#`.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Whether it is a name for more than one frame.
+    pub fn is_marked(&self) -> bool {
+        self.name.contains('#')
+    }
+
+    /// Where frame `number` is written: the number has as many digits as there are `#`, or more if it needs them.
+    pub fn path(&self, number: u64) -> PathBuf {
+        let name = match Marked::new(&self.name) {
+            Some(Marked { before, after }) => {
+                let digits = self.name.len() - before.len() - after.len();
+                format!("{before}{number:0digits$}{after}")
+            }
+            None => self.name.clone(),
+        };
+        self.directory.join(name)
+    }
+
+    /// The number of a frame whose file has this name, if it fits.
+    ///
+    /// # Errors
+    /// The number is beyond 63 bits.
+    pub fn number(&self, name: &str) -> Result<Option<i64>, StateError> {
+        let digits = match Marked::new(&self.name) {
+            Some(marked) => marked.digits(name),
+            None if name == self.name => {
+                let stem = Path::new(name).file_stem().and_then(|stem| stem.to_str()).unwrap_or(name);
+                let digits = stem.rsplit(|c: char| !c.is_ascii_digit()).find(|digits| !digits.is_empty());
+                Some(digits.unwrap_or("0"))
+            }
+            None => None,
+        };
+        match digits.map(str::parse) {
+            None => Ok(None),
+            Some(Ok(number)) => Ok(Some(number)),
+            Some(Err(_)) => Err(StateError::FrameNumber { path: self.directory.join(name) }),
+        }
+    }
+
+    /// Numbers and paths of the files that fit, by name.
+    ///
+    /// # Errors
+    /// The folder cannot be read; a number beyond 63 bits.
+    pub fn existing(&self) -> Result<Vec<(i64, PathBuf)>, StateError> {
+        let mut names = vec![self.name.clone()];
+        if self.is_marked() {
+            names.clear();
+            for entry in std::fs::read_dir(&self.directory).map_err(StateError::at(&self.directory))? {
+                let entry = entry.map_err(StateError::at(&self.directory))?;
+                if let Ok(name) = entry.file_name().into_string() {
+                    names.push(name);
+                }
+            }
+            // A directory comes in any order; messages should not.
+            names.sort_unstable();
+        }
+        let mut found = Vec::new();
+        for name in names {
+            let path = self.directory.join(&name);
+            // One file that was named is taken as it is: opening it will tell what is wrong with it.
+            let there = if self.is_marked() { !path.is_dir() } else { path.exists() };
+            if there && let Some(number) = self.number(&name)? {
+                found.push((number, path));
+            }
+        }
+        Ok(found)
+    }
+}
+
 /// A file name with a number in it.
-struct Name<'a> {
+struct Marked<'a> {
     before: &'a str,
     after: &'a str,
 }
 
-impl<'a> Name<'a> {
-    fn new(name: &'a str) -> Option<Name<'a>> {
+impl<'a> Marked<'a> {
+    fn new(name: &'a str) -> Option<Marked<'a>> {
         let (before, rest) = name.split_once('#')?;
         let after = rest.trim_start_matches('#');
-        (!after.contains('#')).then_some(Name { before, after })
+        (!after.contains('#')).then_some(Marked { before, after })
     }
 
     /// The digits of a name that fits.
@@ -112,40 +223,6 @@ impl<'a> Name<'a> {
             return None;
         }
         rest.strip_suffix(stem).filter(all_digits)
-    }
-
-    fn search(&self, pattern: &str, directory: &Path) -> Result<FrameSequence, StateError> {
-        let mut names = Vec::new();
-        for entry in std::fs::read_dir(directory).map_err(StateError::at(directory))? {
-            let entry = entry.map_err(StateError::at(directory))?;
-            if let Ok(name) = entry.file_name().into_string() {
-                names.push(name);
-            }
-        }
-        // A directory comes in any order; messages should not.
-        names.sort_unstable();
-        let mut frames = BTreeMap::new();
-        for name in names {
-            let Some(digits) = self.digits(&name) else { continue };
-            let path = directory.join(&name);
-            if path.is_dir() {
-                continue;
-            }
-            let Ok(number) = digits.parse::<i64>() else { return Err(StateError::FrameNumber { path }) };
-            match frames.entry(number) {
-                Entry::Vacant(vacant) => {
-                    vacant.insert(path);
-                }
-                Entry::Occupied(first) => {
-                    return Err(StateError::TwoFiles { number, first: first.get().clone(), second: path });
-                }
-            }
-        }
-        if frames.is_empty() {
-            let example = format!("`{}0{}`, `{}001{}`", self.before, self.after, self.before, self.after);
-            return Err(StateError::NoFrames { pattern: pattern.into(), directory: directory.into(), example });
-        }
-        Ok(FrameSequence { frames })
     }
 }
 
@@ -228,5 +305,24 @@ mod tests {
         assert_eq!((found.len(), found.first(), found.last()), (2, 3, 5));
         assert_eq!(found.path(5), Some(directory.path().join("time005.state").as_path()));
         assert_eq!(found.path(4), None);
+    }
+
+    #[test]
+    fn frames_are_named_as_they_are_found() {
+        let directory = folder(&["time004.state", "time5.npz", "model.state"]);
+        let names = FramePattern::new("time###.state", directory.path()).unwrap();
+        assert_eq!(names.path(7), directory.path().join("time007.state"));
+        assert_eq!(names.path(12345), directory.path().join("time12345.state"));
+        assert_eq!(names.existing().unwrap().iter().map(|(number, _)| *number).collect::<Vec<_>>(), [4, 5]);
+        for number in [0, 9, 1000] {
+            let path = names.path(number);
+            let name = path.file_name().unwrap().to_str().unwrap();
+            assert_eq!(names.number(name).unwrap(), Some(number as i64));
+        }
+        let moved = names.clone().in_directory(Path::new("elsewhere")).with_extension("npz");
+        assert_eq!((moved.path(1), moved.name()), (PathBuf::from("elsewhere/time001.npz"), "time###.npz"));
+        let single = FramePattern::new("still.state", directory.path()).unwrap();
+        assert_eq!((single.path(0), single.is_marked()), (directory.path().join("still.state"), false));
+        assert!(single.existing().unwrap().is_empty());
     }
 }
