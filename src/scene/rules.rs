@@ -1,5 +1,7 @@
 //! What must hold between keys, each of which is right by itself; and the named sets of values.
 
+mod simulation;
+
 use std::collections::HashMap;
 
 use serde_json::{Value, json};
@@ -40,6 +42,9 @@ pub(super) fn check(scene: &Scene, root: &Node, known: &[SceneError]) -> Vec<Sce
     rules.camera(scene);
     rules.sky(scene);
     rules.sun(scene);
+    if let Some(simulation) = &scene.simulation {
+        rules.simulation(simulation);
+    }
     rules.errors
 }
 

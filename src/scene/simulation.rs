@@ -100,7 +100,7 @@ pub enum LandformKind {
 pub struct Landform {
     /// `file`, `plane` or `valley`.
     pub kind: LandformKind,
-    /// A height map: .tif (GeoTIFF), .png (16 bit), .exr, .asc (ESRI ASCII grid) or .npz (array `base`), relative to the scene file.
+    /// A height map: .tif (GeoTIFF), .png (16 bit), .exr (channel Y, Z or R), .asc (ESRI ASCII grid), .npz or .state (array `base`), relative to the scene file.
     pub file: Option<String>,
     /// Part of the height map to take, in its samples: first column, first row, last column, last row.
     #[schemars(inner(range(min = 0, max = 1000000)))]
@@ -108,16 +108,16 @@ pub struct Landform {
     /// Metres between the height map's samples, x and z, where the file does not say (or instead of what it says).
     #[schemars(inner(range(min = 0.000001, max = 1000000.0)))]
     pub spacing: Option<[f64; 2]>,
-    /// Heights (m) of an image's black and white.
+    /// Heights (m) of an image's black and white; samples of a .tif or .exr are metres without it.
     #[schemars(inner(range(min = -1000000.0, max = 1000000.0)))]
     pub heights: Option<[f64; 2]>,
-    /// Factor on the landform's plan.
+    /// Factor on a height map's plan.
     #[schemars(range(min = 0.000001, max = 1000000.0))]
     pub scale: f64,
-    /// Factor on the landform's heights; by default that on its plan.
+    /// Factor on a height map's heights; by default that on its plan.
     #[schemars(range(min = 0.0, max = 1000000.0))]
     pub vertical_scale: Option<f64>,
-    /// Columns along x and z; by default one for each sample of the height map, 80 by 20 without one.
+    /// Columns along x and z, taken from the middle of the height map; by default one for each of its samples, 80 by 20 without one.
     #[schemars(inner(range(min = 3, max = 32768)))]
     pub columns: Option<[u32; 2]>,
     /// Width of a column (m), x and z; by default the height map over its columns, 0.25 without one.
@@ -126,16 +126,16 @@ pub struct Landform {
     /// x and z of the centre of column (0, 0).
     #[schemars(inner(range(min = -1000000000.0, max = 1000000000.0)))]
     pub origin: [f64; 2],
-    /// Height of the lowest column's base (m); by default as the map says.
+    /// Height of the lowest column's base (m); by default as the map says, 0 at a plane's western edge and on the floor of a valley's.
     #[schemars(range(min = -1000000.0, max = 1000000.0))]
     pub lowest: Option<f64>,
-    /// Root mean square (m) of the fractal detail that is laid over the landform.
+    /// Root mean square (m) of the fractal detail that is laid over the landform, all its octaves together.
     #[schemars(range(min = 0.0, max = 100000.0))]
     pub detail: f64,
     /// Wavelength (m) of the coarsest detail; by default the spacing of the height map's samples, 8 columns without one.
     #[schemars(range(min = 0.000001, max = 1000000.0))]
     pub detail_size: Option<f64>,
-    /// Amplitude of each octave of detail to that of the one before (half the wavelength).
+    /// Amplitude of each octave of detail to that of the one before, whose waves are 2.1 times as long.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub detail_gain: f64,
     /// Fall of a plane or valley, metres per metre eastward.
@@ -265,7 +265,7 @@ pub struct Source {
     pub circle: Option<[f64; 3]>,
     /// The outermost columns of one side.
     pub edge: Option<Edge>,
-    /// Height (m) that the water keeps.
+    /// Height (m) that the water keeps where the ground is lower.
     #[schemars(range(min = -1000000.0, max = 1000000.0))]
     pub level: Option<f64>,
     /// Depth (m) that the water keeps.

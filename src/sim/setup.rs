@@ -62,7 +62,7 @@ pub struct Setup {
     /// Depth of water at the start (m): the highest of what the scene asks for, at least 0.
     pub depth: Vec<f64>,
     /// Columns that keep their depth, sources in the scene's order, then sinks. Where several hold one column at one time,
-    /// the last of them does; no source holds a sink's column.
+    /// the last of them does; no source holds a sink's column, nor one whose ground is above the source's level.
     pub held: Vec<Held>,
     /// Water that is poured in; none of it on a sink's columns.
     pub inflows: Vec<Inflow>,
@@ -126,9 +126,9 @@ pub fn prepare(settings: &Simulation, directory: &Path) -> Result<Setup, SimErro
                     );
                     return Err(region.wrong(found, "a level above some of its ground"));
                 }
-                let hold =
-                    |column: usize| Held { column, depth: (level - base[column]).max(0.0), begin, end, sink: false };
-                held.extend(columns.into_iter().map(hold));
+                // Banks above the level stay free: held dry, they would drink what washes over them.
+                let wet = columns.into_iter().filter(|column| base[*column] < level);
+                held.extend(wet.map(|column| Held { column, depth: level - base[column], begin, end, sink: false }));
             }
             (None, Some(depth), None) => {
                 held.extend(columns.into_iter().map(|column| Held { column, depth, begin, end, sink: false }));

@@ -5,6 +5,9 @@
 
 mod ascii_grid;
 mod degrees;
+mod frame;
+mod geotiff;
+mod picture;
 mod spline;
 
 pub(super) use spline::{Axis, resample};
@@ -58,7 +61,8 @@ struct Raster {
 }
 
 impl HeightMap {
-    /// Reads a height map; the file's ending says which format: .asc (ESRI ASCII grid).
+    /// Reads a height map; the file's ending says which format: .tif (GeoTIFF), .png (16 bit), .exr,
+    /// .asc (ESRI ASCII grid), .npz or .state (a frame, or any archive with an array `base`).
     ///
     /// # Errors
     /// A file that cannot be read or understood, a crop that leaves the map, samples without data in what the crop
@@ -67,6 +71,10 @@ impl HeightMap {
         let ending = path.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase);
         let raster = match ending.as_deref() {
             Some("asc") => ascii_grid::read(path)?,
+            Some("tif" | "tiff") => geotiff::read(path, reading.heights, reading.spacing.is_some())?,
+            Some("png") => picture::read_png(path, reading.heights)?,
+            Some("exr") => picture::read_exr(path, reading.heights)?,
+            Some("npz" | "state") => frame::read(path)?,
             _ => return Err(TerrainError::UnknownMap { path: path.to_path_buf() }),
         };
         raster.checked(path, reading)

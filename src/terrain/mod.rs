@@ -158,6 +158,16 @@ pub enum TerrainError {
         /// The file.
         path: PathBuf,
     },
+    /// A picture whose samples are not metres.
+    #[error(
+        "{path}: the samples of a PNG are no heights by themselves; expected what black and white stand for, \
+         simulation.terrain.heights (of a map of depths, simulation.water.depths)",
+        path = path.display()
+    )]
+    NoHeights {
+        /// The file.
+        path: PathBuf,
+    },
     /// Keys of a landform that do not fit together, or do not fit its map.
     #[error("simulation.terrain.{key}: {found}; expected {expected}")]
     Landform {

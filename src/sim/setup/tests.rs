@@ -74,6 +74,17 @@ fn sources_sinks_rain_and_pressure_arrive_with_their_times() {
 }
 
 #[test]
+fn a_source_leaves_ground_above_its_level_alone_and_a_sink_drains_it() {
+    let mut settings = flat();
+    settings.source = vec![Source { edge: Some(Edge::North), level: Some(0.25), ..Source::default() }];
+    settings.sink = vec![Sink { edge: Some(Edge::South), level: Some(0.25), ..Sink::default() }];
+    let held = setup(&settings).held;
+    assert_eq!(held.iter().map(|held| held.column).collect::<Vec<_>>(), [3, 4, 5, 18, 19, 20, 21, 22, 23]);
+    assert!(held[..3].iter().all(|held| held.depth > 0.0));
+    assert!(held[3..6].iter().all(|held| held.depth == 0.0));
+}
+
+#[test]
 fn what_cannot_be_names_its_key() {
     let source = |source: Source| Simulation { source: vec![source], ..flat() };
     let west = Source { edge: Some(Edge::West), ..Source::default() };

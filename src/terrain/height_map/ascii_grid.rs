@@ -181,16 +181,18 @@ impl Grid {
         self.raster.origin = spacing.map(|step| 0.5 * step);
     }
 
-    /// Whether the cells are degrees: the map lies on the globe, and read as metres it would be a tower, higher than wide.
+    /// Whether the cells are degrees: fine ones on the globe, and read as metres the map would be a tower, higher than wide.
     ///
     /// Degrees make a landscape of kilometres look metres wide; no scan of a real bed is as high as it is wide.
     fn in_degrees(&self) -> bool {
         let [west, south, east, north] = self.extent;
         let on_globe = west >= -180.0 && east <= 360.0 && south >= -90.0 && north <= 90.0;
+        // Coarser than an arc-minute there is no landform left to run water down.
+        let fine = self.cell.iter().all(|cell| *cell <= 1.0 / 60.0);
         let finite = self.raster.values.iter().filter(|value| value.is_finite());
         let (low, high) =
             finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (value.min(low), value.max(high)));
-        on_globe && high - low > (east - west).max(north - south)
+        fine && on_globe && high - low > (east - west).max(north - south)
     }
 }
 
@@ -231,3 +233,6 @@ fn declared_degrees(path: &Path) -> Result<Option<bool>, TerrainError> {
     let found = format!("{:?}", start.chars().take(40).collect::<String>());
     Err(wrong(found, "GEOGCS[…], PROJCS[…] or a line `Projection GEOGRAPHIC`"))
 }
+
+#[cfg(test)]
+mod tests;

@@ -175,3 +175,29 @@ fn what_a_landform_cannot_be_names_its_key() {
         assert!(words.iter().all(|word| message.contains(word)), "{message} without {words:?}");
     }
 }
+
+#[test]
+fn a_stream_of_the_shipped_terrain_runs_down_its_refined_valley() {
+    let landform = Landform {
+        kind: LandformKind::File,
+        file: Some("elevation.asc".to_owned()),
+        crop: Some([98, 186, 140, 220]),
+        scale: 0.0319,
+        columns: Some([400, 400]),
+        width: Some([0.25, 0.25]),
+        lowest: Some(0.0),
+        ..Landform::default()
+    };
+    let terrain = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/jacksboro");
+    let ground = land(&landform, &terrain, 0).unwrap();
+    let lowest = |x: usize| (0..400).map(|z| ground.heights[z * 400 + x]).fold(f64::INFINITY, f64::min);
+    // The valley's floor every ten metres, from its mouth in the west.
+    let floor: Vec<f64> = (0..10).map(|place| lowest(40 * place)).collect();
+    assert!(floor.is_sorted(), "{floor:?}");
+    assert!(floor[0] < 0.1 && (6.0..8.0).contains(&floor[9]), "{floor:?}");
+    let rough =
+        land(&Landform { detail: 0.2, detail_size: Some(5.0), lowest: None, ..landform.clone() }, &terrain, 0).unwrap();
+    let smooth = land(&Landform { lowest: None, ..landform }, &terrain, 0).unwrap();
+    let squares: f64 = rough.heights.iter().zip(&smooth.heights).map(|(a, b)| (a - b).powi(2)).sum();
+    assert!(((squares / 160_000.0).sqrt() / 0.2 - 1.0).abs() < 0.1);
+}
