@@ -15,8 +15,8 @@ pub(super) const OFFSETS: [[isize; 2]; FAMILIES] = [[1, 0], [0, 1], [1, 1], [-1,
 /// Dry columns at each end of a row: a pipe's neighbours reach two columns from its owner.
 pub(super) const MARGIN: usize = 2;
 
-/// Height (m) of the base outside the map: greater than any water, small enough for differences to be finite.
-pub(super) const WALL: f64 = 1e300;
+/// Height (m) of the base outside the map: greater than any water, small enough for its square to be finite.
+pub(super) const WALL: f64 = 1e150;
 
 /// Density of water (kg/m3).
 pub(super) const DENSITY: f64 = 1000.0;

@@ -4,7 +4,7 @@
 
 use super::Water;
 use super::layout::{FAMILIES, Layout, MARGIN, PipeRow, columns, pipes};
-use super::step::{greater, each_row, each_row_of_two};
+use super::step::{each_row, each_row_of_two, greater};
 
 /// A column's pipes: family, the shift to the owner, and whether the column is its tail; in pairs that mirror each other.
 pub(super) const PAIRS: [[(usize, [isize; 2], bool); 2]; FAMILIES] = [
@@ -32,6 +32,9 @@ impl Water {
         });
 
         let share = &self.share;
+        if let Some(cells) = &mut self.cells {
+            cells.scale(layout, &self.pipes.moved, share);
+        }
         self.pipes.each_row(layout, parallel, |row, pipes| {
             if (row..row + 2).any(|row| share[row * stride..][..stride].iter().any(|&share| share < 1.0)) {
                 scale_row(share, layout, row, dt, pipes);

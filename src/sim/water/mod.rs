@@ -3,6 +3,7 @@
 //! Here are the state, its settings and what others may ask of it or do to it; `layout` says where things lie, `step` moves
 //! the flow, `limit` the volume, `velocity` makes velocities of columns of it, `cells` the slabs of columns that are divided. Spray, sources and sinks are elsewhere.
 
+mod cells;
 mod layout;
 mod limit;
 mod step;
@@ -11,8 +12,9 @@ mod tests;
 mod velocity;
 
 use super::Grid;
-use rayon::prelude::*;
+use cells::Cells;
 use layout::{FAMILIES, Layout, OFFSETS, Pipes, WALL};
+use rayon::prelude::*;
 
 /// What the water obeys.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,6 +77,11 @@ pub struct Water {
     pipes: Pipes,
     next: Pipes,
     last_step: f64,
+    /// Depth of still water (m) that was poured into each column since the last step, with margins, and whether any was.
+    given: Vec<f64>,
+    is_given: bool,
+    /// The flow of every cell, if columns are divided.
+    cells: Option<Cells>,
     /// Share of what its pipes ask for that a column can give.
     share: Vec<f64>,
     /// Velocity of each column along x and z (m/s), and where the bed is rough its drag for each metre per second (1/m), at
@@ -109,6 +116,9 @@ impl Water {
             pressure: vec![0.0; layout.padded_count()],
             next: pipes.clone(),
             last_step: 0.0,
+            given: vec![0.0; layout.padded_count()],
+            is_given: false,
+            cells: settings.cell_height.map(Cells::new),
             share: vec![1.0; layout.padded_count()],
             velocity: [0, 1].map(|_| vec![0.0; layout.padded_count()]),
             drag: vec![0.0; if settings.manning == 0.0 { 0 } else { layout.padded_count() }],
@@ -167,14 +177,19 @@ impl Water {
         -self.set_depth(column, self.depth[column] - volume / self.layout.area)
     }
 
-    /// Pours `volume` (m3) into a column, without momentum. A volume that is not above 0 pours nothing.
+    /// Pours `volume` (m3) into a column, without momentum: what flows there is slowed as it mixes with it. A volume that is
+    /// not above 0 pours nothing.
     pub fn give(&mut self, column: usize, volume: f64) {
         if volume > 0.0 {
-            self.set_depth(column, self.depth[column] + volume / self.layout.area);
+            let metres = volume / self.layout.area;
+            self.set_depth(column, self.depth[column] + metres);
+            self.given[self.layout.padded_index(column)] += metres;
+            self.is_given = true;
         }
     }
 
     /// Makes a column `depth` deep (m; below 0 counts as 0); returns the volume (m3) that this added, negative if it took.
+    /// What is added moves as the column does: a stream that runs into the map.
     pub fn set_depth(&mut self, column: usize, depth: f64) -> f64 {
         assert!(!depth.is_nan(), "depth of column {column} is not a number");
         let before = std::mem::replace(&mut self.depth[column], depth.max(0.0));
@@ -183,13 +198,18 @@ impl Water {
         (self.depth[column] - before) * self.layout.area
     }
 
-    /// What the pipes remember: with the depths, all that the next step depends on. Its order is this type's own, its length
-    /// the same for every water of this map and these settings.
+    /// What the pipes remember: with the depths, all that the next step depends on. Its order is this type's own; without
+    /// cells its length is that of every water of this map.
     pub fn pipes(&self) -> Vec<f64> {
-        let mut all = Vec::with_capacity(2 * self.pipes.eta.len() + 1);
+        let mut all = Vec::with_capacity(2 * self.pipes.eta.len() + self.given.len() + 1);
         all.extend_from_slice(&self.pipes.eta);
         all.extend_from_slice(&self.pipes.moved);
+        all.extend_from_slice(&self.given);
         all.push(self.last_step);
+        if let Some(cells) = &self.cells {
+            all.extend_from_slice(&cells.eta);
+            all.extend_from_slice(&cells.moved);
+        }
         all
     }
 
@@ -197,12 +217,19 @@ impl Water {
     #[must_use]
     pub fn set_pipes(&mut self, pipes: &[f64]) -> bool {
         let count = self.pipes.eta.len();
-        if pipes.len() != 2 * count + 1 {
+        let whole = 2 * count + self.given.len() + 1;
+        if pipes.len() < whole {
+            return false;
+        }
+        let (pipes, divided) = pipes.split_at(whole);
+        if !self.cells.as_mut().map_or(divided.is_empty(), |cells| cells.restore(&self.layout, divided)) {
             return false;
         }
         self.pipes.eta.copy_from_slice(&pipes[..count]);
         self.pipes.moved.copy_from_slice(&pipes[count..2 * count]);
-        self.last_step = pipes[2 * count];
+        self.given.copy_from_slice(&pipes[2 * count..whole - 1]);
+        self.is_given = self.given.iter().any(|given| *given != 0.0);
+        self.last_step = pipes[whole - 1];
         let (layout, chunk) = (&self.layout, FAMILIES * self.layout.stride);
         let sweep = self.pipes.sweep.chunks_exact_mut(chunk).zip(self.pipes.eta.chunks_exact(chunk));
         for (row, (sweep, eta)) in sweep.enumerate() {
@@ -220,13 +247,15 @@ impl Water {
     /// dt c sqrt(1 / dx^2 + 1 / dz^2) < 1.
     pub fn largest_step(&self) -> Step {
         let layout = &self.layout;
-        let row = |z: usize| step::fastest(&self.pipes.eta, layout, z, &self.depth, self.settings.gravity, self.grid.width);
+        let row =
+            |z: usize| step::fastest(&self.pipes.eta, layout, z, &self.depth, self.settings.gravity, self.grid.width);
         let greater = |a: step::Fastest, b: step::Fastest| if b.rate > a.rate { b } else { a };
         let worst = if step::is_parallel(self.grid.count()) {
             // Rows come back in order, and of equals the first wins, whoever made them.
-            (0..layout.nz).into_par_iter().map(row).reduce(step::Fastest::default, |a, b| {
-                if (b.rate, a.column) > (a.rate, b.column) { b } else { a }
-            })
+            (0..layout.nz)
+                .into_par_iter()
+                .map(row)
+                .reduce(step::Fastest::default, |a, b| if (b.rate, a.column) > (a.rate, b.column) { b } else { a })
         } else {
             (0..layout.nz).map(row).fold(step::Fastest::default(), greater)
         };

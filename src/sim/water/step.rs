@@ -18,7 +18,7 @@
 //! water flows, 2003; for one axis: the sum over like pipes of eight neighbours is ours). Each new velocity is a mean of
 //! old ones plus what pressure adds: carrying cannot make any pipe faster than the fastest was.
 
-use super::layout::{PipeRow, DENSITY, FAMILIES, Layout, MARGIN, OFFSETS, columns, pipes};
+use super::layout::{DENSITY, FAMILIES, Layout, MARGIN, OFFSETS, PipeRow, columns, pipes};
 use super::{Forcing, Water};
 use crate::simd::{self, Kernel, Simd, SimdLevel};
 use rayon::prelude::*;
@@ -90,28 +90,31 @@ pub(super) fn fastest(
 }
 
 /// What all rows of a step share.
-struct Rows<'a> {
-    stride: usize,
-    nx: usize,
-    top: &'a [f64],
-    base: &'a [f64],
+pub(super) struct Rows<'a> {
+    pub(super) stride: usize,
+    pub(super) nx: usize,
+    pub(super) top: &'a [f64],
+    pub(super) base: &'a [f64],
     /// Empty when nothing presses.
-    pressure: &'a [f64],
-    shedding: &'a [u8],
+    pub(super) pressure: &'a [f64],
+    pub(super) shedding: &'a [u8],
+    /// Depth of still water poured into each column; empty for none.
+    pub(super) given: &'a [f64],
     /// Velocity, volume moved, and volume moved for each metre of height, as the last step left them.
-    eta: &'a [f64],
-    moved: &'a [f64],
-    sweep: &'a [f64],
-    layout: &'a Layout,
+    pub(super) eta: &'a [f64],
+    pub(super) moved: &'a [f64],
+    pub(super) sweep: &'a [f64],
+    pub(super) layout: &'a Layout,
     /// Acceleration for each metre of head, times the time it acts.
-    drive: [f64; FAMILIES],
+    pub(super) drive: [f64; FAMILIES],
     /// Velocity of the columns.
-    velocity: [&'a [f64]; 2],
+    pub(super) velocity: [&'a [f64]; 2],
     /// Empty where the bed is smooth.
-    drag: &'a [f64],
-    area: f64,
-    dt: f64,
-    keep: f64,
+    pub(super) drag: &'a [f64],
+    pub(super) area: f64,
+    pub(super) dt: f64,
+    pub(super) last_step: f64,
+    pub(super) keep: f64,
 }
 
 impl Water {
@@ -131,6 +134,7 @@ impl Water {
         self.press(forcing.pressure);
         let parallel = is_parallel(count);
         self.refresh_columns(parallel);
+        let mut next_cells = self.prepare_cells();
         let gravity = self.settings.gravity;
         let (keep, time) = friction(self.settings.friction, self.settings.reference_step, dt);
         let layout = &self.layout;
@@ -142,6 +146,7 @@ impl Water {
             base: &self.wall,
             pressure: if forcing.pressure.is_empty() { &[] } else { &self.pressure },
             shedding: forcing.shedding,
+            given: if self.is_given { &self.given } else { &[] },
             eta: &before.eta,
             moved: &before.moved,
             sweep: &before.sweep,
@@ -151,14 +156,31 @@ impl Water {
             velocity: [&self.velocity[0], &self.velocity[1]],
             area: layout.area,
             dt,
+            last_step: self.last_step,
             keep,
         };
-        self.next.each_row(layout, parallel, |row, out| {
-            simd::dispatch(level, FlowRow { rows: &rows, row, out });
-        });
+        match (&self.cells, &mut next_cells) {
+            (Some(cells), Some([eta, moved])) => cells.step(&rows, [eta, moved], &mut self.next, parallel),
+            _ => self.next.each_row(layout, parallel, |row, out| {
+                simd::dispatch(level, FlowRow { rows: &rows, row, out });
+            }),
+        }
         std::mem::swap(&mut self.pipes, &mut self.next);
+        if let (Some(cells), Some(made)) = (&mut self.cells, next_cells) {
+            cells.put_next(made);
+        }
+        if std::mem::take(&mut self.is_given) {
+            self.given.fill(0.0);
+        }
         self.last_step = dt;
         self.move_volume(dt, parallel);
+    }
+
+    /// Room for every cell of the water, and the fields that their next flow is made in.
+    fn prepare_cells(&mut self) -> Option<[Vec<f64>; 2]> {
+        let cells = self.cells.as_mut()?;
+        cells.make_room(&self.layout, self.depth.iter().fold(0.0, |deepest, &depth| greater(depth, deepest)));
+        Some(cells.take_next())
     }
 
     /// External pressure as metres of water.
@@ -239,19 +261,57 @@ fn is_wet(rows: &Rows, row: usize, x: usize, width: usize) -> bool {
 /// Bits of `Forcing::shedding` that close a family's pipe at its owner and at its other end.
 const CLOSED_BY: [[u8; 2]; FAMILIES] = [[1, 2], [4, 8], [1 | 4, 2 | 8], [2 | 4, 1 | 8]];
 
+/// Whether the column that gives sheds spray over a face of this pipe.
+pub(super) fn is_shedding(rows: &Rows, row: usize, x: usize, family: usize, velocity: f64) -> bool {
+    let (at_head, [dx, dz]) = (velocity > 0.0, OFFSETS[family]);
+    let donor_x = if at_head { x } else { x.wrapping_add_signed(dx) };
+    let donor_z = if at_head { row - 1 } else { row.wrapping_add_signed(dz) - 1 };
+    // Outside the map there is no water.
+    let mask = if donor_x < rows.nx { rows.shedding.get(donor_z * rows.nx + donor_x) } else { None };
+    mask.is_some_and(|mask| mask & CLOSED_BY[family][usize::from(!at_head)] != 0)
+}
+
 /// Height (m) over which a pipe is open if its donor sheds spray over that face: its overlap with the receiver's water.
 fn shed_height(rows: &Rows, row: usize, x: usize, family: usize, velocity: f64) -> Option<f64> {
-    let (at_head, [dx, dz]) = (velocity > 0.0, OFFSETS[family]);
-    let donor_x = if at_head { x } else { x.checked_add_signed(dx)? };
-    let donor_z = if at_head { row - 1 } else { row.wrapping_add_signed(dz) - 1 };
-    // A donor outside the map has no water.
-    let column = (donor_x < rows.nx).then_some(donor_z * rows.nx + donor_x)?;
-    if rows.shedding.get(column)? & CLOSED_BY[family][usize::from(!at_head)] == 0 {
+    if !is_shedding(rows, row, x, family, velocity) {
         return None;
     }
+    let [dx, dz] = OFFSETS[family];
     let head = row * rows.stride + MARGIN + x;
     let tail = head.wrapping_add_signed(dz * rows.stride as isize + dx);
     Some((rows.top[head].min(rows.top[tail]) - rows.base[head].max(rows.base[tail])).max(0.0))
+}
+
+/// Head (m) that drives water through a pipe of this length, from the tops at both ends and the sill between them.
+///
+/// Tops count down to the sill only: a dry neighbour that stands higher pulls nothing. What lies lower is a fall f off the
+/// sill. Down a slope as steep as S = f / length the ground pushes water forward with g S / (1 + S^2): all of g S where it
+/// is gentle, so that thin water runs down a hillside as fast as deep, and nothing at a cliff, where water falls but is not
+/// pushed away from the rock, however deep the pool below lies.
+#[inline(always)]
+pub(super) fn driving_head(head: f64, tail: f64, sill: f64, length: f64) -> f64 {
+    let level = greater(head, sill) - greater(tail, sill);
+    let fall = greater(sill - tail, 0.0) - greater(sill - head, 0.0);
+    level + fall * (length * length) / (length * length + fall * fall)
+}
+
+/// Mean velocity of what flows in from two columns, by the volumes that flow in (where negative, none does).
+#[inline(always)]
+pub(super) fn carried(moved: [f64; 2], velocity: [f64; 2]) -> f64 {
+    let [head, tail] = [greater(moved[0], 0.0), greater(moved[1], 0.0)];
+    if head + tail > 0.0 { (velocity[0] * head + velocity[1] * tail) / (head + tail) } else { 0.0 }
+}
+
+impl Rows<'_> {
+    /// Share of a velocity that the bed's drag leaves: v' = v - dt drag v'^2, solved for v', so that no step is too long.
+    /// Across the stream the speed of the column that gives still counts.
+    #[inline(always)]
+    pub(super) fn slowed(&self, velocity: f64, head: usize, tail: usize) -> f64 {
+        let donor = if velocity > 0.0 { head } else { tail };
+        let (along_x, along_z) = (self.velocity[0][donor], self.velocity[1][donor]);
+        let speed = greater(velocity.abs(), (along_x * along_x + along_z * along_z).sqrt());
+        2.0 / (1.0 + (1.0 + 4.0 * self.dt * self.drag[donor] * speed).sqrt())
+    }
 }
 
 /// New velocities of one row's pipes, and the volumes (m3) that they ask for.
@@ -302,15 +362,7 @@ fn flow_row(rows: &Rows, row: usize, out: PipeRow) {
 }
 
 #[inline(always)]
-fn flow_block(
-    rows: &Rows,
-    row: usize,
-    x: usize,
-    family: usize,
-    eta: &mut [f64],
-    moved: &mut [f64],
-    sweep: &mut [f64],
-) {
+fn flow_block(rows: &Rows, row: usize, x: usize, family: usize, eta: &mut [f64], moved: &mut [f64], sweep: &mut [f64]) {
     let (stride, width, [dx, dz]) = (rows.stride, eta.len(), OFFSETS[family]);
     let tail = row.wrapping_add_signed(dz);
     let old = pipes(rows.eta, stride, row, family, x, 0, width);
@@ -328,21 +380,30 @@ fn flow_block(
         per_volume[i] = if depths > 0.0 { per_area / depths } else { 0.0 };
     }
 
-    // Axes and diagonals are summed apart, so that a mirrored map gives the mirrored bits.
-    let (mut gain, mut share) = ([[0.0; BLOCK]; 2], [[0.0; BLOCK]; 2]);
+    let (mut gain, mut share) = ([[0.0; BLOCK]; FAMILIES], [[0.0; BLOCK]; FAMILIES]);
     for from in 0..FAMILIES {
-        let (gain, share) = (&mut gain[from / 2][..width], &mut share[from / 2][..width]);
+        let (gain, share) = (&mut gain[from][..width], &mut share[from][..width]);
         carry_block(rows, row, x, family, from, old, per_volume, gain, share);
+    }
+
+    let mut poured = [0.0; BLOCK];
+    let poured = &mut poured[..width];
+    if !rows.given.is_empty() {
+        // Still water that was poured in makes up a part of the pipe's.
+        let (at_head, at_tail) =
+            (columns(rows.given, stride, row, x, 0, width), columns(rows.given, stride, tail, x, dx, width));
+        for i in 0..width {
+            poured[i] = (at_head[i] + at_tail[i]) * (per_volume[i] * rows.area);
+        }
     }
 
     let section = &rows.layout.sections(row)[family * stride + MARGIN + x..][..width];
     let (drive, keep, dt) = (rows.drive[family], rows.keep, rows.dt);
     let mut head = [0.0; BLOCK];
     let head = &mut head[..width];
+    let length = rows.layout.length[family];
     for i in 0..width {
-        // Below the sill nothing pulls: a dry neighbour above the water, or a pool under a ledge.
-        let sill = greater(base_head[i], base_tail[i]);
-        head[i] = greater(top_head[i], sill) - greater(top_tail[i], sill);
+        head[i] = driving_head(top_head[i], top_tail[i], greater(base_head[i], base_tail[i]), length);
     }
     if !rows.pressure.is_empty() {
         let (at_head, at_tail) =
@@ -354,25 +415,18 @@ fn flow_block(
     let mut velocity = [0.0; BLOCK];
     let velocity = &mut velocity[..width];
     for i in 0..width {
-        let gained = gain[0][i] + gain[1][i];
+        // Axes and diagonals are summed apart, so that a mirrored map gives the mirrored bits.
+        let gained = (gain[0][i] + gain[1][i]) + (gain[2][i] + gain[3][i]) - poured[i] * old[i];
+        let shared = (share[0][i] + share[1][i]) + (share[2][i] + share[3][i]) + poured[i];
         // More inflow than the pipe holds: it takes on the velocity of what flows in.
-        let carried = old[i] + gained / greater(share[0][i] + share[1][i], 1.0);
+        let carried = old[i] + gained / greater(shared, 1.0);
         velocity[i] = keep * carried + drive * head[i];
     }
     if !rows.drag.is_empty() {
-        let at = |field, row, shift| columns(field, stride, row, x, shift, width);
-        let (drag_head, drag_tail) = (at(rows.drag, row, 0), at(rows.drag, tail, dx));
-        let (x_head, x_tail) = (at(rows.velocity[0], row, 0), at(rows.velocity[0], tail, dx));
-        let (z_head, z_tail) = (at(rows.velocity[1], row, 0), at(rows.velocity[1], tail, dx));
+        let head = row * stride + MARGIN + x;
+        let tail = (tail * stride + MARGIN + x).wrapping_add_signed(dx);
         for i in 0..width {
-            let (drag, along_x, along_z) = if velocity[i] > 0.0 {
-                (drag_head[i], x_head[i], z_head[i])
-            } else {
-                (drag_tail[i], x_tail[i], z_tail[i])
-            };
-            // v' = v - dt drag v'^2, solved for v': no step is too long. Across the stream its speed still counts.
-            let speed = greater(velocity[i].abs(), (along_x * along_x + along_z * along_z).sqrt());
-            velocity[i] *= 2.0 / (1.0 + (1.0 + 4.0 * dt * drag * speed).sqrt());
+            velocity[i] *= rows.slowed(velocity[i], head + i, tail + i);
         }
     }
     for i in 0..width {
@@ -385,8 +439,8 @@ fn flow_block(
     }
 }
 
-/// Adds what the flow through the pipes of family `from` carries into those of `family`: velocity to `gain`, and the part
-/// of the pipe's water that it makes up to `share`.
+/// What the flow through the pipes of family `from` carries into those of `family`: the velocity that it adds, and the part
+/// of the pipe's water that it makes up.
 #[inline(always)]
 fn carry_block(
     rows: &Rows,
@@ -424,8 +478,8 @@ fn carry_block(
         let fast = (sweep_out_head[i] + sweep_out_tail[i]) * half_per_area;
         let backflow = greater(-if speed > after[i].abs() { fast } else { slow }, 0.0);
         let backflow = if after[i] == 0.0 { 0.0 } else { backflow };
-        gain[i] += inflow * (before[i] - old[i]) + backflow * (after[i] - old[i]);
-        share[i] += inflow + backflow;
+        gain[i] = inflow * (before[i] - old[i]) + backflow * (after[i] - old[i]);
+        share[i] = inflow + backflow;
         shut |= u64::from(before[i] == 0.0) | u64::from(after[i] == 0.0);
     }
     if shut == 0 {
@@ -444,24 +498,18 @@ fn carry_block(
     let (head_after, tail_after) = (velocity(dx, dz), velocity(tail_x + dx, tail_z + dz));
     for i in 0..width {
         let (mut gained, mut shared) = ([0.0; 2], [0.0; 2]);
-        if before[i] == 0.0 {
-            let (head, tail) = (greater(moved_in_head[i], 0.0), greater(moved_in_tail[i], 0.0));
-            if head + tail > 0.0 {
-                let carried = (head_before(i) * head + tail_before(i) * tail) / (head + tail);
-                let slow = (moved_in_head[i] + moved_in_tail[i]) * per_volume[i];
-                let fast = (sweep_in_head[i] + sweep_in_tail[i]) * half_per_area;
-                shared[0] = greater(if old[i].abs() > carried.abs() { fast } else { slow }, 0.0);
-                gained[0] = shared[0] * (carried - old[i]);
-            }
-        }
-        if after[i] == 0.0 {
-            let (head, tail) = (greater(-moved_out_head[i], 0.0), greater(-moved_out_tail[i], 0.0));
-            if head + tail > 0.0 {
-                let carried = (head_after(i) * head + tail_after(i) * tail) / (head + tail);
-                let slow = (moved_out_head[i] + moved_out_tail[i]) * per_volume[i];
-                let fast = (sweep_out_head[i] + sweep_out_tail[i]) * half_per_area;
-                shared[1] = greater(-if old[i].abs() > carried.abs() { fast } else { slow }, 0.0);
-                gained[1] = shared[1] * (carried - old[i]);
+        let sides = [
+            (before[i], 1.0, [moved_in_head[i], moved_in_tail[i]], [sweep_in_head[i], sweep_in_tail[i]]),
+            (after[i], -1.0, [moved_out_head[i], moved_out_tail[i]], [sweep_out_head[i], sweep_out_tail[i]]),
+        ];
+        let columns = [[head_before(i), tail_before(i)], [head_after(i), tail_after(i)]];
+        for (side, (like, sign, moved, sweep)) in sides.into_iter().enumerate() {
+            if like == 0.0 {
+                let velocity = carried(moved.map(|moved| sign * moved), columns[side]);
+                let slow = (moved[0] + moved[1]) * per_volume[i];
+                let fast = (sweep[0] + sweep[1]) * half_per_area;
+                shared[side] = greater(sign * if old[i].abs() > velocity.abs() { fast } else { slow }, 0.0);
+                gained[side] = shared[side] * (velocity - old[i]);
             }
         }
         gain[i] += gained[0] + gained[1];

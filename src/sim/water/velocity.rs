@@ -64,7 +64,9 @@ impl Water {
     pub fn flow_into(&self, flow: &mut [[f64; 2]]) {
         assert_eq!(flow.len(), self.depth.len(), "one velocity for each column");
         let parallel = is_parallel(self.grid.count());
-        each_row(flow, self.layout.nx, parallel, |z, flow| self.flow_row(z, |column, velocity| flow[column] = velocity));
+        each_row(flow, self.layout.nx, parallel, |z, flow| {
+            self.flow_row(z, |column, velocity| flow[column] = velocity)
+        });
     }
 
     /// Velocity of each column of row `z`.
@@ -74,9 +76,8 @@ impl Water {
         let (stride, nx) = (layout.stride, layout.nx);
         let depth = &self.depth[z * nx..][..nx];
         let pair = |field, pair: usize| {
-            PAIRS[pair].map(|(family, [dx, dz], _)| {
-                pipes(field, stride, (z + 1).wrapping_add_signed(dz), family, 0, dx, nx)
-            })
+            PAIRS[pair]
+                .map(|(family, [dx, dz], _)| pipes(field, stride, (z + 1).wrapping_add_signed(dz), family, 0, dx, nx))
         };
         let [moved_x, moved_z, moved_se, moved_sw] = [0, 1, 2, 3].map(|family| pair(&self.pipes.moved, family));
         let [eta_x, eta_z, eta_se, eta_sw] = [0, 1, 2, 3].map(|family| pair(&self.pipes.eta, family));
