@@ -3,8 +3,8 @@
 //! Three passes, each over all columns, so that no order of columns or threads shows in the result.
 
 use super::Water;
-use super::layout::{FAMILIES, Layout, MARGIN, PipeRow, columns, pipes};
-use super::step::{each_row, each_row_of_two, greater};
+use super::layout::{FAMILIES, Layout, MARGIN, OFFSETS, PipeRow, columns, pipes};
+use super::rows::{each_row, each_row_of_two, greater};
 
 /// A column's pipes: family, the shift to the owner, and whether the column is its tail; in pairs that mirror each other.
 pub(super) const PAIRS: [[(usize, [isize; 2], bool); 2]; FAMILIES] = [
@@ -20,7 +20,7 @@ const GIVES: f64 = 1.0 - 16.0 * f64::EPSILON;
 
 impl Water {
     /// Moves the volumes in `moved` as far as the columns can give them.
-    pub(super) fn move_volume(&mut self, dt: f64, parallel: bool) {
+    pub(super) fn move_volume(&mut self, parallel: bool) {
         let (stride, nx, area) = (self.layout.stride, self.layout.nx, self.layout.area);
         let layout = &self.layout;
         let inner = self.layout.nz + 1;
@@ -37,7 +37,7 @@ impl Water {
         }
         self.pipes.each_row(layout, parallel, |row, pipes| {
             if (row..row + 2).any(|row| share[row * stride..][..stride].iter().any(|&share| share < 1.0)) {
-                scale_row(share, layout, row, dt, pipes);
+                scale_row(share, layout, row, pipes);
             }
         });
 
@@ -75,7 +75,7 @@ impl Water {
                     let moved = self.pipes.moved[layout.pipe(owner, family)];
                     let inflow = if is_tail { moved } else { -moved }.max(0.0);
                     if inflow > 0.0 {
-                        let [dx, dz] = super::OFFSETS[family];
+                        let [dx, dz] = OFFSETS[family];
                         let (dx, dz) = if is_tail { (-dx, -dz) } else { (dx, dz) };
                         let from = column.wrapping_add_signed(dz * layout.nx as isize + dx);
                         volume[pair] += inflow;
@@ -91,6 +91,7 @@ impl Water {
 }
 
 /// What each column of a row can give of what its pipes ask for, 0..1.
+#[inline(always)]
 fn share_row(moved: &[f64], stride: usize, row: usize, depth: &[f64], area: f64, share: &mut [f64]) {
     let width = depth.len();
     let at = |(family, [dx, dz], _): (usize, [isize; 2], bool)| {
@@ -106,24 +107,23 @@ fn share_row(moved: &[f64], stride: usize, row: usize, depth: &[f64], area: f64,
 }
 
 /// Cuts the volumes and velocities of one row's pipes to the share of the column that gives.
-fn scale_row(share: &[f64], layout: &Layout, row: usize, dt: f64, out: PipeRow) {
+fn scale_row(share: &[f64], layout: &Layout, row: usize, out: PipeRow) {
     let (stride, nx) = (layout.stride, layout.nx);
-    for (family, [dx, dz]) in super::OFFSETS.into_iter().enumerate() {
+    for (family, [dx, dz]) in OFFSETS.into_iter().enumerate() {
         let place = family * stride + MARGIN;
         let (eta, moved) = (&mut out.eta[place..][..nx], &mut out.moved[place..][..nx]);
-        let (sweep, section) = (&mut out.sweep[place..][..nx], &layout.sections(row)[place..][..nx]);
         let head = columns(share, stride, row, 0, 0, nx);
         let tail = columns(share, stride, row.wrapping_add_signed(dz), 0, dx, nx);
         for i in 0..nx {
             let share = if moved[i] > 0.0 { head[i] } else { tail[i] };
             eta[i] *= share;
             moved[i] *= share;
-            sweep[i] = eta[i] * (section[i] * dt);
         }
     }
 }
 
 /// New depths of one row, and the volume that stayed in each column.
+#[inline(always)]
 fn gather_row(moved: &[f64], stride: usize, row: usize, area: f64, depth: &mut [f64], kept: &mut [f64]) {
     let width = depth.len();
     let at = |(family, [dx, dz], _): (usize, [isize; 2], bool)| {
