@@ -2,6 +2,7 @@
 
 pub mod leaks;
 pub mod rows;
+pub mod sim;
 pub mod surface;
 pub mod work;
 
@@ -59,6 +60,12 @@ pub enum BenchError {
     /// A ray passed where none may.
     #[error("{0} rays leaked")]
     Leaks(u64),
+}
+
+/// The middle value; the upper one of two.
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
 }
 
 impl BenchError {

@@ -48,6 +48,16 @@ pub struct Row {
     pub bytes_per_column: f64,
     /// Time to build.
     pub build_ms: f64,
+    /// Particles of a simulation.
+    pub particles: usize,
+    /// Simulation: a step, and its phases.
+    pub ms_per_step: f64,
+    /// Columns and pipes.
+    pub water_ms: f64,
+    /// Particles.
+    pub spray_ms: f64,
+    /// Turbulence and aeration.
+    pub turbulence_ms: f64,
     /// Threads.
     pub threads: usize,
     /// Processor.

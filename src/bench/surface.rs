@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use super::rows::{Row, Rows};
 use super::work::{self, RayClass};
-use super::{BenchError, Settings};
+use super::{BenchError, Settings, median};
 use crate::accel::embree::EmbreeAccel;
 use crate::accel::{Accelerator, Geometry, HitBatch, NO_PART, RayBatch};
 use crate::lower::Triangles;
@@ -159,11 +159,6 @@ fn rivals(lattice: &crate::surface::Lattice, simd: SimdLevel) -> Result<Vec<Riva
         bytes,
     });
     Ok(rivals)
-}
-
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }
 
 /// Runs the table and prints it as it grows.

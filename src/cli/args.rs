@@ -293,6 +293,8 @@ pub enum Benchmark {
     Surface,
     /// Rays aimed at borders, corners and flat water: none may pass
     Leaks,
+    /// Milliseconds a step of the simulation, by size
+    Sim,
 }
 
 /// `whitewater bench`.
@@ -318,10 +320,10 @@ pub struct BenchArgs {
     /// Instruction set
     #[arg(long, value_enum, default_value_t, value_name = "NAME")]
     pub simd: SimdChoice,
-    /// Threads [default: 1]
+    /// Threads [default: 1; of sim, all processors]
     #[arg(long, value_name = "N", value_parser = threads)]
     pub threads: Option<NonZeroUsize>,
-    /// Size of the water (repeatable) [default: 400x400]
+    /// Size of the water (repeatable) [default: 400x400; of sim, 80x20 to 2000x2000]
     #[arg(long, value_name = "NXxNZ")]
     pub columns: Vec<GridSize>,
 }

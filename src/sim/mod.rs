@@ -4,6 +4,7 @@
 //! graphics, 1997, and appendix A of the report. Double precision throughout; metres, seconds, y up.
 //! Nothing here draws, and nothing below `cli` and `bench` knows of it: its frames reach the renderer as files.
 
+pub mod analytic;
 mod checkpoint;
 mod error;
 mod grid;

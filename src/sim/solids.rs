@@ -16,6 +16,11 @@ use crate::{state, terrain};
 /// lies can always be told. A kilometre from the origin it is 1.4e-11 m.
 const MARGIN: f64 = 64.0 * f64::EPSILON;
 
+/// Margins within which a point in a sphere counts as just outside. What is kept off one of two surfaces gets into the other
+/// by up to the cosine of the angle between them, and out again, and in: the sum is the margin over 1 - cosine, a thousand
+/// of them in a wedge of 2.5 degrees.
+const BAND: f64 = 1024.0;
+
 /// Part of a flight between two events: start + velocity t + acceleration t² / 2 (the latter upward) for `duration`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Path {
@@ -164,17 +169,19 @@ fn sphere_contact(centre: DVec3, radius: f64, path: &Path) -> Option<Contact> {
     let margin = MARGIN * (centre.abs().max_element() + radius);
     let mut start = path.start - centre;
     let distance = start.length();
-    if distance < radius - 4.0 * margin {
+    if distance < radius - BAND * margin {
         return None;
     }
     if distance < radius + margin {
         start *= (radius + margin) / distance;
     }
+    // Met a little before the margin is used up, so that a panel close by is not crossed by being pushed out of it.
+    let met = radius + 0.75 * margin;
     let (speed, fall, span) = (path.velocity, path.acceleration, path.duration);
-    // |start + speed t + fall t² / 2|² - radius², in powers of t / span.
+    // |start + speed t + fall t² / 2|² - met², in powers of t / span.
     let length = start.length();
     let power = [
-        (length - radius) * (length + radius),
+        (length - met) * (length + met),
         2.0 * start.dot(speed) * span,
         (speed.length_squared() + start.y * fall) * span.powi(2),
         fall * speed.y * span.powi(3),
@@ -197,29 +204,33 @@ fn sphere_contact(centre: DVec3, radius: f64, path: &Path) -> Option<Contact> {
 }
 
 /// The first passage through a triangle, from either side.
-fn triangle_contact(corners: [DVec3; 3], normal: DVec3, path: &Path) -> Option<Contact> {
+///
+/// What is met are two triangles, a margin before either side of it: a point is then never pushed out by more than a
+/// rounding, and so not through another panel that stands at a sharp angle to this one.
+fn triangle_contact(corners: [DVec3; 3], facing: DVec3, path: &Path) -> Option<Contact> {
     let extent = corners.iter().fold(0.0, |most: f64, corner| most.max(corner.abs().max_element()));
     let margin = MARGIN * extent.max(path.start.abs().max_element());
-    let height = [
-        normal.dot(path.start - corners[0]),
-        normal.dot(path.velocity),
-        0.5 * normal.y * path.acceleration,
-    ];
-    for time in quadratic_roots(height).into_iter().flatten() {
-        if !(time >= 0.0 && time <= path.duration) {
+    let (height, rate, bend) =
+        (facing.dot(path.start - corners[0]), facing.dot(path.velocity), 0.5 * facing.y * path.acceleration);
+    // What a rounding leaves of a speed along the surface takes no one into it.
+    let rate = if rate.abs() > 16.0 * f64::EPSILON * path.velocity.length() { rate } else { 0.0 };
+    let side = if height == 0.0 { -rate.signum() } else { height.signum() };
+    // A parabola comes to the plane from the side that it starts on, and, past the triangle's edge, back from the other.
+    let near = [(side * height - margin).max(0.0), side * rate, side * bend];
+    let far = [-side * height - margin, -side * rate, -side * bend];
+    for (clearance, normal) in [(near, facing * side), (far, facing * -side)] {
+        // It is behind the plane only after it has gone towards it.
+        if clearance[0] < 0.0 && clearance[1] <= 0.0 {
             continue;
         }
-        let rate = height[1] + 2.0 * height[2] * time;
+        let Some(time) = first_fall(clearance, path.duration) else { continue };
         let point = path.at(time);
         // Edges belong to both triangles that share them, so that none slips between.
         let within = (0..3).all(|k| {
-            let side = corners[(k + 1) % 3] - corners[k];
-            normal.dot(side.cross(point - corners[k])) >= -margin * side.length()
+            let edge = corners[(k + 1) % 3] - corners[k];
+            facing.dot(edge.cross(point - corners[k])) >= -margin * edge.length()
         });
-        // Touching without passing turns nothing; neither does leaving a surface that the path starts in.
-        let leaves = time == 0.0 && height[0] * rate > 0.0;
-        if within && rate != 0.0 && !leaves {
-            let normal = -normal * rate.signum();
+        if within {
             let place = point + normal * (margin - normal.dot(point - corners[0]));
             return Some(Contact { time, place, normal });
         }
@@ -227,19 +238,35 @@ fn triangle_contact(corners: [DVec3; 3], normal: DVec3, path: &Path) -> Option<C
     None
 }
 
-/// Real roots of c0 + c1 t + c2 t², the lesser first, by the form that does not cancel.
-fn quadratic_roots([c0, c1, c2]: [f64; 3]) -> [Option<f64>; 2] {
-    if c2 == 0.0 {
-        return [(c1 != 0.0).then(|| -c0 / c1), None];
+/// The first time of [0, span] at which a clearance c0 + c1 t + c2 t² is used up and not growing.
+///
+/// A clearance that is gone at the start but grows is one that was just left: then the next time it is used up.
+pub(super) fn first_fall([c0, c1, c2]: [f64; 3], span: f64) -> Option<f64> {
+    let falls = c1 < 0.0 || (c1 == 0.0 && c2 <= 0.0);
+    if c0 <= 0.0 && falls && (c0 < 0.0 || c1 < 0.0 || c2 < 0.0) {
+        return Some(0.0);
+    }
+    // Most flights end here: a path that bends downward and ends above stays above.
+    if c2 <= 0.0 && c0 + (c1 + c2 * span) * span > 0.0 {
+        return None;
     }
     let discriminant = c1 * c1 - 4.0 * c0 * c2;
-    // Written so that what is not a number has no roots.
-    if !(discriminant >= 0.0) {
-        return [None, None];
-    }
-    let sum = -0.5 * (c1 + discriminant.sqrt().copysign(c1));
-    let (one, other) = (sum / c2, if sum == 0.0 { 0.0 } else { c0 / sum });
-    [Some(one.min(other)), Some(one.max(other))]
+    let root = if c0 <= 0.0 {
+        if !(c2 < 0.0) {
+            return None;
+        }
+        if discriminant < 0.0 {
+            // It turns round before it is out.
+            return Some(0.0);
+        }
+        (c1 + discriminant.sqrt()) / (-2.0 * c2)
+    } else {
+        if c1 >= 0.0 && c2 >= 0.0 || !(discriminant > 0.0) {
+            return None;
+        }
+        if c1 > 0.0 { (c1 + discriminant.sqrt()) / (-2.0 * c2) } else { 2.0 * c0 / (discriminant.sqrt() - c1) }
+    };
+    (root <= span).then_some(root.max(0.0))
 }
 
 /// Which shapes stand where in plan: equal rectangles over all of them.

@@ -8,7 +8,7 @@
 
 use glam::DVec3;
 
-use super::surroundings::{Event, Half, Medium, Surroundings};
+use super::surroundings::{Event, Half, Medium, Surroundings, along};
 use crate::sim::solids::Path;
 
 /// Density of water (kg/m3).
@@ -81,10 +81,10 @@ impl Drop {
         if self.position.y < around.ground(self.position) {
             return self.soak(around, half, &mut give);
         }
-        let mut medium = around.medium(half, self.position.y);
+        let mut medium = around.medium(half, self.position, radius(self.mass));
         let mut left = time;
         let mut slides = 0;
-        let mut slide = None;
+        let mut slide: Option<DVec3> = None;
         for _ in 0..MOST_EVENTS {
             if !(left > 0.0) {
                 break;
@@ -92,49 +92,49 @@ impl Drop {
             if medium == Medium::Water && around.sink[around.column(half)] {
                 return Fate::Left;
             }
-            let braking = match medium {
+            let radius = radius(self.mass);
+            let before = self.velocity;
+            let (braking, pull) = match medium {
                 // 6 π μ r v over the mass.
-                Medium::Water => 6.0 * std::f64::consts::PI * VISCOSITY * radius(self.mass) / self.mass,
-                Medium::Air => 0.0,
+                Medium::Water => (
+                    6.0 * std::f64::consts::PI * VISCOSITY * radius / self.mass,
+                    Some(around.pull_in_water(half, self.position, rules.gravity)),
+                ),
+                Medium::Air => (0.0, slide.take()),
             };
-            let along: Option<DVec3> = slide.take();
-            let path = match (medium, along) {
-                // Drag shortens the way: (1 - e^(-k t)) / k seconds' worth of it at the first speed.
-                (Medium::Water, _) => {
-                    let duration = -(-braking * left).exp_m1() / braking;
-                    Path { start: self.position, velocity: self.velocity, acceleration: 0.0, duration }
-                }
-                // At the speed of the slide's end, so that it loses no less height than it gains energy.
-                (Medium::Air, Some(pull)) => {
-                    let velocity = self.velocity + pull * left;
-                    Path { start: self.position, velocity, acceleration: 0.0, duration: left }
-                }
-                (Medium::Air, None) => {
+            let path = match pull {
+                // Straight on, at the speed that the pull will have given it, so that it loses no less height than it gains
+                // energy. Drag shortens the way: (1 - e^(-k t)) / k seconds' worth of it.
+                Some(pull) => Path {
+                    start: self.position,
+                    velocity: self.velocity + pull * left,
+                    acceleration: 0.0,
+                    duration: if braking > 0.0 { -(-braking * left).exp_m1() / braking } else { left },
+                },
+                None => {
                     Path { start: self.position, velocity: self.velocity, acceleration: -rules.gravity, duration: left }
                 }
             };
             let contact = around.solids.first_contact(&path);
             let clear = contact.map_or(path, |contact| Path { duration: contact.time, ..path });
-            let stop = around.first_event(&clear, half, medium);
-            half = stop.half;
+            let stop = around.first_event(&clear, half, medium, radius);
+            let within = std::mem::replace(&mut half, stop.half);
 
-            let spent = match medium {
-                Medium::Water => (-(-braking * stop.time).ln_1p() / braking).clamp(0.0, left),
-                Medium::Air => stop.time,
-            };
+            let spent = if braking > 0.0 { -(-braking * stop.time).ln_1p() / braking } else { stop.time };
+            // At the end of a braked way its time may come out as infinite.
+            let spent = spent.clamp(0.0, left);
             self.position = path.at(stop.time);
-            let column = around.column(half);
-            match (medium, along) {
-                (Medium::Water, _) => {
-                    // The event that ends this part may already be the next column's.
-                    let column = if stop.event == Event::Passed { around.column(around.half_at(path.start)) } else { column };
-                    if self.dissolve(rules, column, braking, spent, &mut give) {
-                        return Fate::Absorbed;
-                    }
+            self.velocity = match pull {
+                Some(pull) => self.velocity + pull * spent,
+                None => path.velocity_at(stop.time),
+            };
+            if medium == Medium::Water {
+                let column = around.taker(within, path.start.y, radius);
+                if self.dissolve(rules, column, before, braking, spent, &mut give) {
+                    return Fate::Absorbed;
                 }
-                (Medium::Air, Some(pull)) => self.velocity += pull * spent,
-                (Medium::Air, None) => self.velocity = path.velocity_at(stop.time),
             }
+            let column = around.column(half);
             // Rounding must not keep alive what has no time left.
             left = if spent < left { left - spent } else { 0.0 };
 
@@ -144,15 +144,14 @@ impl Drop {
                     self.position = contact.place;
                     let holds = rules.gravity * contact.normal.y;
                     let rebound = self.bounce(contact.normal, rules.restitution);
-                    if medium == Medium::Air && rebound * rebound < 2.0 * holds * radius(self.mass) {
-                        self.velocity -= contact.normal * self.velocity.dot(contact.normal);
+                    if medium == Medium::Air && rebound * rebound < 2.0 * holds * radius {
+                        self.velocity = along(self.velocity, contact.normal);
                         slides += 1;
                         if slides > MOST_SLIDES {
                             self.velocity = DVec3::ZERO;
                             break;
                         }
-                        let gravity = DVec3::NEG_Y * rules.gravity;
-                        slide = Some(gravity - contact.normal * gravity.dot(contact.normal));
+                        slide = Some(along(DVec3::NEG_Y * rules.gravity, contact.normal));
                     }
                 }
                 Event::Ground(normal) => {
@@ -160,26 +159,33 @@ impl Drop {
                         return Fate::Left;
                     }
                     self.position.y = self.position.y.max(around.ground(self.position));
+                    if medium == Medium::Water {
+                        // The bed stops it: it dissolves where it lies. A sheet of water carries it on in the next step.
+                        self.velocity = DVec3::ZERO;
+                        let taker = around.taker(half, self.position.y, radius);
+                        let gone = self.dissolve(rules, taker, DVec3::ZERO, 0.0, left, &mut give);
+                        return if gone { Fate::Absorbed } else { Fate::Flies };
+                    }
                     let rebound = self.bounce(normal, rules.restitution);
                     // It would not rise off the ground by its own radius: it wets it.
-                    let rises = rebound * rebound >= 2.0 * rules.gravity * normal.y * radius(self.mass);
-                    if medium == Medium::Air && !rises {
+                    let rises = rebound * rebound >= 2.0 * rules.gravity * normal.y * radius;
+                    if !rises {
                         return self.soak(around, half, &mut give);
                     }
                 }
                 Event::Immersed => {
                     medium = Medium::Water;
-                    if let Some(top) = around.top(column) {
+                    if let Some(top) = around.water_height(half, self.position, radius) {
                         self.position.y = self.position.y.min(top);
                     }
                 }
                 Event::Emerged => {
                     medium = Medium::Air;
-                    if let Some(top) = around.top(column) {
+                    if let Some(top) = around.water_height(half, self.position, radius) {
                         self.position.y = self.position.y.max(top);
                     }
                 }
-                Event::Passed => medium = around.medium(half, self.position.y),
+                Event::Passed => medium = around.medium(half, self.position, radius),
                 Event::Edge(axis) => {
                     if around.sink[column] {
                         return Fate::Left;
@@ -195,6 +201,13 @@ impl Drop {
         }
         self.position = around.within(self.position);
         self.position.y = self.position.y.max(around.ground(self.position));
+        if left > 0.0 && medium == Medium::Water {
+            // Caught between events that take no time: it dissolves where it is, so that nothing stays for ever.
+            let column = around.taker(half, self.position.y, radius(self.mass));
+            if self.dissolve(rules, column, self.velocity, 0.0, left, &mut give) {
+                return Fate::Absorbed;
+            }
+        }
         Fate::Flies
     }
 
@@ -220,30 +233,33 @@ impl Drop {
 
     /// `time` seconds in a column's water; whether that was the end of the particle.
     ///
-    /// Mass by dm/dt = -m / τ and speed by Stokes' drag, each exactly (the drag's rate as at the start); the impulse is what
-    /// the particle's momentum lost, and the time's integral of its buoyancy, g τ (m_0 - m_1). Both are then the same whatever
-    /// the step.
+    /// Mass by dm/dt = -m / τ and speed by Stokes' drag, each exactly (the drag's rate as at the start); `first` is the speed
+    /// (m/s) before. The impulse is what the particle's momentum lost and the time's integral of its weight, g τ (m_0 - m_1),
+    /// whatever the forces between them; so it is the same for any step.
     fn dissolve(
         &mut self,
         rules: &Rules,
         column: usize,
+        first: DVec3,
         braking: f64,
         time: f64,
         give: &mut impl FnMut(Gift),
     ) -> bool {
-        let before = (self.mass, self.velocity);
-        let mut mass = before.0 * (-time / rules.absorption_time).exp();
+        let before = self.mass;
+        let mut mass = before * (-time / rules.absorption_time).exp();
         self.velocity *= (-braking * time).exp();
-        let buoyancy = rules.gravity * rules.absorption_time * (before.0 - mass);
+        let weight = rules.gravity * rules.absorption_time * (before - mass);
         let swallowed = mass <= LEAST_SHARE * self.first_mass;
         if swallowed {
             mass = 0.0;
         }
+        let lost = 0.5 * (before * first.length_squared() - mass * self.velocity.length_squared());
         give(Gift {
             column,
-            mass: before.0 - mass,
-            impulse: mass * self.velocity.y - before.0 * before.1.y + buoyancy,
-            energy: 0.5 * (before.0 * before.1.length_squared() - mass * self.velocity.length_squared()),
+            mass: before - mass,
+            impulse: mass * self.velocity.y - before * first.y + weight,
+            // Running down in a sheet of water it may gain some; that is gravity's.
+            energy: lost.max(0.0),
         });
         self.mass = mass;
         swallowed

@@ -1,14 +1,17 @@
 //! What a particle flies among: the ground, the columns' tops, the solids and the map's edges, and which of them its path
 //! meets first.
 //!
-//! The ground is bilinear between the bases at the columns' centres and level beyond the outermost ones; water is as high
-//! as its column's top over all its footprint. A path is therefore followed through *half* columns, in each of which the
-//! ground is one bilinear patch and the water one level: both are quadratics in time there, and nothing is stepped over.
+//! The ground is bilinear between the bases at the columns' centres and level beyond the outermost ones. Water is as high
+//! as its column's top, but a sheet of its column's depth along ground that falls away to columns whose water does not
+//! reach up to it: no drop that strikes a cliff is in the water above. And it is only there for particles whose radius is
+//! less than its depth: others strike the ground under it. A path is followed through *half* columns, in each
+//! of which the ground is one bilinear patch and the water one level or sheet: both are quadratics in time there, and
+//! nothing is stepped over.
 
 use glam::DVec3;
 
 use crate::sim::Grid;
-use crate::sim::solids::{Path, Solids};
+use crate::sim::solids::{Path, Solids, first_fall};
 
 /// What does not change while particles fly.
 pub(super) struct Surroundings<'a> {
@@ -22,10 +25,20 @@ pub(super) struct Surroundings<'a> {
 /// What a particle is in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Medium {
-    /// Above the top of its column, or over a dry one.
+    /// Above the water, or over a dry column.
     Air,
-    /// Under the top of its column.
+    /// Under water.
     Water,
+}
+
+/// The water over a half column.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Surface {
+    Dry,
+    /// At this height (m).
+    Level(f64),
+    /// This far (m) over the ground.
+    Sheet(f64),
 }
 
 /// A half column, counted along x and z.
@@ -42,7 +55,7 @@ pub(super) enum Event {
     Immersed,
     /// It comes out of the water through the column's top.
     Emerged,
-    /// It goes on into another column, under water.
+    /// It goes on into another half column, under water.
     Passed,
     /// It comes to the edge of the map along this axis (0 x, 1 z).
     Edge(usize),
@@ -91,6 +104,11 @@ impl Surroundings<'_> {
         [pair(half[0], self.grid.nx), pair(half[1], self.grid.nz)]
     }
 
+    fn around(&self, half: Half) -> [usize; 4] {
+        let [[west, east], [north, south]] = self.stencil(half);
+        [[west, north], [east, north], [west, south], [east, south]].map(|[x, z]| z * self.grid.nx + x)
+    }
+
     fn patch(&self, half: Half) -> Patch {
         let [[west, east], [north, south]] = self.stencil(half);
         let base = |x: usize, z: usize| self.base[z * self.grid.nx + x];
@@ -111,16 +129,68 @@ impl Surroundings<'_> {
         [(point.x - patch.corner[0]) / self.grid.width[0], (point.z - patch.corner[1]) / self.grid.width[1]]
     }
 
-    /// Height of a column's water, or nothing over a dry one.
-    pub(super) fn top(&self, column: usize) -> Option<f64> {
-        (self.depth[column] > 0.0).then(|| self.base[column] + self.depth[column])
+    fn surface(&self, half: Half, radius: f64) -> Surface {
+        let own = self.column(half);
+        let (base, depth) = (self.base[own], self.depth[own]);
+        if !(depth > radius) {
+            return Surface::Dry;
+        }
+        let falls = self.around(half).into_iter().any(|column| self.falls_away(own, column));
+        if falls { Surface::Sheet(depth) } else { Surface::Level(base + depth) }
+    }
+
+    /// Whether a column's ground lies under another's, and its water does not reach up to that.
+    fn falls_away(&self, own: usize, column: usize) -> bool {
+        let base = self.base[own];
+        self.base[column] < base && self.base[column] + self.depth[column] <= base
+    }
+
+    /// Height of the water (m) at a point of a half column, or nothing over a dry one.
+    pub(super) fn water_height(&self, half: Half, point: DVec3, radius: f64) -> Option<f64> {
+        match self.surface(half, radius) {
+            Surface::Dry => None,
+            Surface::Level(top) => Some(top),
+            Surface::Sheet(depth) => {
+                let patch = self.patch(half);
+                let [u, v] = self.place(&patch, point);
+                Some(patch.value(u, v) + depth)
+            }
+        }
     }
 
     /// What a point in a half column is in.
-    pub(super) fn medium(&self, half: Half, height: f64) -> Medium {
-        match self.top(self.column(half)) {
-            Some(top) if height < top => Medium::Water,
+    pub(super) fn medium(&self, half: Half, point: DVec3, radius: f64) -> Medium {
+        match self.water_height(half, point, radius) {
+            Some(top) if point.y < top => Medium::Water,
             _ => Medium::Air,
+        }
+    }
+
+    /// What gravity leaves of its pull (m/s2) on what is in the water over a half column: nothing in a pool, where buoyancy
+    /// bears it all; its part along the ground in a column beside one that its water falls to, and runs down that ground.
+    pub(super) fn pull_in_water(&self, half: Half, point: DVec3, gravity: f64) -> DVec3 {
+        let own = self.column(half);
+        let [x, z] = [half[0] / 2, half[1] / 2];
+        let mut near = (z.saturating_sub(1)..(z + 2).min(self.grid.nz))
+            .flat_map(|z| (x.saturating_sub(1)..(x + 2).min(self.grid.nx)).map(move |x| z * self.grid.nx + x));
+        if !near.any(|column| self.falls_away(own, column)) {
+            return DVec3::ZERO;
+        }
+        let patch = self.patch(half);
+        let [u, v] = self.place(&patch, point);
+        along(DVec3::NEG_Y * gravity, self.normal(&patch, u, v))
+    }
+
+    fn normal(&self, patch: &Patch, u: f64, v: f64) -> DVec3 {
+        let (slope_u, slope_v) = patch.slopes(u, v);
+        DVec3::new(-slope_u / self.grid.width[0], 1.0, -slope_v / self.grid.width[1]).normalize()
+    }
+
+    /// The column that water at a height in the water over a half column joins.
+    pub(super) fn taker(&self, half: Half, height: f64, radius: f64) -> usize {
+        match self.surface(half, radius) {
+            Surface::Sheet(_) => self.receiver(half, height),
+            _ => self.column(half),
         }
     }
 
@@ -132,9 +202,7 @@ impl Surroundings<'_> {
         if self.base[own] <= height {
             return own;
         }
-        let [[west, east], [north, south]] = self.stencil(half);
-        let around = [[west, north], [east, north], [west, south], [east, south]].map(|[x, z]| z * self.grid.nx + x);
-        around.into_iter().fold(own, |low, column| if self.base[column] < self.base[low] { column } else { low })
+        self.around(half).into_iter().fold(own, |low, column| if self.base[column] < self.base[low] { column } else { low })
     }
 
     /// The nearest point within the map.
@@ -144,7 +212,7 @@ impl Surroundings<'_> {
     }
 
     /// The first event on a path that starts in a half column, solids left out.
-    pub(super) fn first_event(&self, path: &Path, mut half: Half, medium: Medium) -> Stop {
+    pub(super) fn first_event(&self, path: &Path, mut half: Half, medium: Medium, radius: f64) -> Stop {
         let velocity = [path.velocity.x, path.velocity.z];
         let start = [path.start.x, path.start.z];
         let counts = [2 * self.grid.nx, 2 * self.grid.nz];
@@ -160,7 +228,7 @@ impl Surroundings<'_> {
         loop {
             let axis = usize::from(leave[1] < leave[0]);
             let until = leave[axis].min(path.duration).max(entered);
-            if let Some((time, event)) = self.event_within(path, half, medium, entered, until) {
+            if let Some((time, event)) = self.event_within(path, half, medium, radius, entered, until) {
                 return Stop { time, event, half };
             }
             // Written so that a time that is no number ends the path.
@@ -171,10 +239,9 @@ impl Surroundings<'_> {
             if next >= counts[axis] {
                 return Stop { time: until, event: Event::Edge(axis), half };
             }
-            let changes = next / 2 != half[axis] / 2;
             half[axis] = next;
             leave[axis] = exit(axis, next);
-            if changes && medium == Medium::Water {
+            if medium == Medium::Water {
                 return Stop { time: until, event: Event::Passed, half };
             }
             entered = until;
@@ -182,7 +249,15 @@ impl Surroundings<'_> {
     }
 
     /// The first event inside one half column.
-    fn event_within(&self, path: &Path, half: Half, medium: Medium, from: f64, until: f64) -> Option<(f64, Event)> {
+    fn event_within(
+        &self,
+        path: &Path,
+        half: Half,
+        medium: Medium,
+        radius: f64,
+        from: f64,
+        until: f64,
+    ) -> Option<(f64, Event)> {
         let span = until - from;
         let (point, velocity) = (path.at(from), path.velocity_at(from));
         let bend = 0.5 * path.acceleration;
@@ -190,21 +265,25 @@ impl Surroundings<'_> {
         let [u, v] = self.place(&patch, point);
         let [du, dv] = [velocity.x / self.grid.width[0], velocity.z / self.grid.width[1]];
         let (slope_u, slope_v) = patch.slopes(u, v);
-        let ground = first_fall(
+        let over_ground = [
             point.y - patch.value(u, v),
             velocity.y - (slope_u * du + slope_v * dv),
             bend - patch.twist * du * dv,
-            span,
-        );
-        let water = self.top(self.column(half)).and_then(|top| match medium {
-            Medium::Air => first_fall(point.y - top, velocity.y, bend, span),
-            Medium::Water => first_fall(top - point.y, -velocity.y, -bend, span),
+        ];
+        let ground = first_fall(over_ground, span);
+        let over_water = match self.surface(half, radius) {
+            Surface::Dry => None,
+            Surface::Level(top) => Some([point.y - top, velocity.y, bend]),
+            Surface::Sheet(depth) => Some([over_ground[0] - depth, over_ground[1], over_ground[2]]),
+        };
+        let water = over_water.and_then(|clearance| match medium {
+            Medium::Air => first_fall(clearance, span),
+            Medium::Water => first_fall(clearance.map(|part| -part), span),
         });
         match (ground, water) {
             (Some(strike), water) if water.is_none_or(|time| strike < time) => {
-                let (slope_u, slope_v) = patch.slopes(u + du * strike, v + dv * strike);
-                let normal = DVec3::new(-slope_u / self.grid.width[0], 1.0, -slope_v / self.grid.width[1]);
-                Some((from + strike, Event::Ground(normal.normalize())))
+                let normal = self.normal(&patch, u + du * strike, v + dv * strike);
+                Some((from + strike, Event::Ground(normal)))
             }
             (_, Some(time)) => {
                 let event = if medium == Medium::Air { Event::Immersed } else { Event::Emerged };
@@ -215,6 +294,11 @@ impl Surroundings<'_> {
     }
 }
 
+/// The part of a vector along a surface.
+pub(super) fn along(vector: DVec3, normal: DVec3) -> DVec3 {
+    vector - normal * vector.dot(normal)
+}
+
 impl Patch {
     fn value(&self, u: f64, v: f64) -> f64 {
         self.height + self.along_x * u + self.along_z * v + self.twist * (u * v)
@@ -223,35 +307,4 @@ impl Patch {
     fn slopes(&self, u: f64, v: f64) -> (f64, f64) {
         (self.along_x + self.twist * v, self.along_z + self.twist * u)
     }
-}
-
-/// The first time of [0, span] at which a clearance c0 + c1 t + c2 t² is used up and not growing.
-///
-/// A clearance that is gone at the start but grows is one that was just left: then the next time it is used up.
-fn first_fall(c0: f64, c1: f64, c2: f64, span: f64) -> Option<f64> {
-    let falls = c1 < 0.0 || (c1 == 0.0 && c2 <= 0.0);
-    if c0 <= 0.0 && falls && (c0 < 0.0 || c1 < 0.0 || c2 < 0.0) {
-        return Some(0.0);
-    }
-    // Most flights end here: a path that bends downward and ends above stays above.
-    if c2 <= 0.0 && c0 + (c1 + c2 * span) * span > 0.0 {
-        return None;
-    }
-    let discriminant = c1 * c1 - 4.0 * c0 * c2;
-    let root = if c0 <= 0.0 {
-        if !(c2 < 0.0) {
-            return None;
-        }
-        if discriminant < 0.0 {
-            // It turns round before it is out.
-            return Some(0.0);
-        }
-        (c1 + discriminant.sqrt()) / (-2.0 * c2)
-    } else {
-        if c1 >= 0.0 && c2 >= 0.0 || !(discriminant > 0.0) {
-            return None;
-        }
-        if c1 > 0.0 { (c1 + discriminant.sqrt()) / (-2.0 * c2) } else { 2.0 * c0 / (discriminant.sqrt() - c1) }
-    };
-    (root <= span).then_some(root.max(0.0))
 }

@@ -9,7 +9,8 @@
 //! and not with the landform's relief. The flow of all cells together is what the rest of `water` sees.
 
 use super::layout::{FAMILIES, Layout, MARGIN, OFFSETS, PipeRow, Pipes};
-use super::step::{Rows, carried, driving_head, greater, is_shedding};
+use super::rows::greater;
+use super::step::{Rows, carried, driving_head, is_shedding};
 use rayon::prelude::*;
 
 /// Cells of a pipe at most; the topmost holds all that stands above it. 64 of them take 16 KiB for each column.
@@ -130,7 +131,6 @@ impl Cells {
                 }
                 out.eta[total] = fastest;
                 out.moved[total] = volume;
-                out.sweep[total] = fastest * (rows.layout.sections(row)[total] * rows.dt);
             }
         }
     }
@@ -232,21 +232,18 @@ impl Cells {
         let total = FAMILIES * layout.stride;
         let [eta, moved] = next.map(|field| &mut field[chunk..chunk * (layout.nz + 1)]);
         let inner = total..total * (layout.nz + 1);
-        let (all_eta, all_moved) = (&mut out.eta[inner.clone()], &mut out.moved[inner.clone()]);
-        let all_sweep = &mut out.sweep[inner];
+        let (all_eta, all_moved) = (&mut out.eta[inner.clone()], &mut out.moved[inner]);
         if parallel {
             let cells = eta.par_chunks_mut(chunk).zip(moved.par_chunks_mut(chunk));
             let pipes = all_eta.par_chunks_mut(total).zip(all_moved.par_chunks_mut(total));
-            let rows_out = cells.zip(pipes).zip(all_sweep.par_chunks_mut(total)).enumerate();
-            rows_out.for_each(|(z, (((cell_eta, cell_moved), (eta, moved)), sweep))| {
-                self.flow_row(rows, z + 1, cell_eta, cell_moved, PipeRow { eta, moved, sweep });
+            cells.zip(pipes).enumerate().for_each(|(z, ((cell_eta, cell_moved), (eta, moved)))| {
+                self.flow_row(rows, z + 1, cell_eta, cell_moved, PipeRow { eta, moved });
             });
         } else {
             let cells = eta.chunks_mut(chunk).zip(moved.chunks_mut(chunk));
             let pipes = all_eta.chunks_mut(total).zip(all_moved.chunks_mut(total));
-            let rows_out = cells.zip(pipes).zip(all_sweep.chunks_mut(total)).enumerate();
-            rows_out.for_each(|(z, (((cell_eta, cell_moved), (eta, moved)), sweep))| {
-                self.flow_row(rows, z + 1, cell_eta, cell_moved, PipeRow { eta, moved, sweep });
+            cells.zip(pipes).enumerate().for_each(|(z, ((cell_eta, cell_moved), (eta, moved)))| {
+                self.flow_row(rows, z + 1, cell_eta, cell_moved, PipeRow { eta, moved });
             });
         }
     }

@@ -142,22 +142,19 @@ pub(super) struct Pipes {
     pub eta: Vec<f64>,
     /// Volume (m3) that the last step moved.
     pub moved: Vec<f64>,
-    /// The same for each metre of the pipe's height (m2).
-    pub sweep: Vec<f64>,
 }
 
 /// One row of [`Pipes`], to be written.
 pub(super) struct PipeRow<'a> {
     pub eta: &'a mut [f64],
     pub moved: &'a mut [f64],
-    pub sweep: &'a mut [f64],
 }
 
 impl Pipes {
     /// Still ones.
     pub(super) fn new(layout: &Layout) -> Self {
         let still = vec![0.0; layout.padded_count() * FAMILIES];
-        Self { eta: still.clone(), moved: still.clone(), sweep: still }
+        Self { eta: still.clone(), moved: still }
     }
 
     /// Calls `work` with each row's number (counted with the margin) and its pipes, in parallel if asked: every row has its
@@ -165,14 +162,13 @@ impl Pipes {
     pub(super) fn each_row(&mut self, layout: &Layout, parallel: bool, work: impl Fn(usize, PipeRow) + Sync + Send) {
         let chunk = FAMILIES * layout.stride;
         let inner = chunk..chunk * (layout.nz + 1);
-        let (eta, moved) = (&mut self.eta[inner.clone()], &mut self.moved[inner.clone()]);
-        let sweep = &mut self.sweep[inner];
+        let (eta, moved) = (&mut self.eta[inner.clone()], &mut self.moved[inner]);
         if parallel {
-            let rows = eta.par_chunks_mut(chunk).zip(moved.par_chunks_mut(chunk)).zip(sweep.par_chunks_mut(chunk));
-            rows.enumerate().for_each(|(z, ((eta, moved), sweep))| work(z + 1, PipeRow { eta, moved, sweep }));
+            let rows = eta.par_chunks_mut(chunk).zip(moved.par_chunks_mut(chunk));
+            rows.enumerate().for_each(|(z, (eta, moved))| work(z + 1, PipeRow { eta, moved }));
         } else {
-            let rows = eta.chunks_mut(chunk).zip(moved.chunks_mut(chunk)).zip(sweep.chunks_mut(chunk));
-            rows.enumerate().for_each(|(z, ((eta, moved), sweep))| work(z + 1, PipeRow { eta, moved, sweep }));
+            let rows = eta.chunks_mut(chunk).zip(moved.chunks_mut(chunk));
+            rows.enumerate().for_each(|(z, (eta, moved))| work(z + 1, PipeRow { eta, moved }));
         }
     }
 }

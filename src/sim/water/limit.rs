@@ -2,9 +2,11 @@
 //!
 //! Three passes, each over all columns, so that no order of columns or threads shows in the result.
 
+use rayon::prelude::*;
+
 use super::Water;
-use super::layout::{FAMILIES, Layout, MARGIN, PipeRow, columns, pipes};
-use super::step::{each_row, each_row_of_two, greater};
+use super::layout::{FAMILIES, Layout, MARGIN, OFFSETS, PipeRow, columns, pipes};
+use super::rows::{each_row, each_row_of_two, greater};
 
 /// A column's pipes: family, the shift to the owner, and whether the column is its tail; in pairs that mirror each other.
 pub(super) const PAIRS: [[(usize, [isize; 2], bool); 2]; FAMILIES] = [
@@ -14,13 +16,16 @@ pub(super) const PAIRS: [[(usize, [isize; 2], bool); 2]; FAMILIES] = [
     [(3, [0, 0], false), (3, [1, -1], true)],
 ];
 
+/// Columns that one task carries things into.
+const COLUMNS_PER_TASK: usize = 4096;
+
 /// Part of its water that a column gives at most: eight products and their sum are rounded, so a share of 1 could ask for
 /// some 9 units in the last place too much.
 const GIVES: f64 = 1.0 - 16.0 * f64::EPSILON;
 
 impl Water {
     /// Moves the volumes in `moved` as far as the columns can give them.
-    pub(super) fn move_volume(&mut self, dt: f64, parallel: bool) {
+    pub(super) fn move_volume(&mut self, parallel: bool) {
         let (stride, nx, area) = (self.layout.stride, self.layout.nx, self.layout.area);
         let layout = &self.layout;
         let inner = self.layout.nz + 1;
@@ -37,7 +42,7 @@ impl Water {
         }
         self.pipes.each_row(layout, parallel, |row, pipes| {
             if (row..row + 2).any(|row| share[row * stride..][..stride].iter().any(|&share| share < 1.0)) {
-                scale_row(share, layout, row, dt, pipes);
+                scale_row(share, layout, row, pipes);
             }
         });
 
@@ -65,9 +70,15 @@ impl Water {
         assert_eq!(values.len(), self.grid.count(), "one value for each column");
         scratch.clear();
         scratch.extend_from_slice(values);
-        for (column, value) in values.iter_mut().enumerate() {
-            let here = layout.padded_index(column);
+        let before: &[f64] = scratch;
+        values.par_iter_mut().with_min_len(COLUMNS_PER_TASK).enumerate().for_each(|(column, value)| {
             let kept = self.kept[column];
+            // A column that nothing stayed in and nothing came into is dry, and most of a valley is.
+            if kept <= 0.0 && self.depth[column] <= 0.0 {
+                *value = 0.0;
+                return;
+            }
+            let here = layout.padded_index(column);
             let (mut volume, mut sum) = ([0.0; FAMILIES], [0.0; FAMILIES]);
             for (pair, pipes) in PAIRS.iter().enumerate() {
                 for &(family, shift, is_tail) in pipes {
@@ -75,22 +86,27 @@ impl Water {
                     let moved = self.pipes.moved[layout.pipe(owner, family)];
                     let inflow = if is_tail { moved } else { -moved }.max(0.0);
                     if inflow > 0.0 {
-                        let [dx, dz] = super::OFFSETS[family];
+                        let [dx, dz] = OFFSETS[family];
                         let (dx, dz) = if is_tail { (-dx, -dz) } else { (dx, dz) };
                         let from = column.wrapping_add_signed(dz * layout.nx as isize + dx);
                         volume[pair] += inflow;
-                        sum[pair] += inflow * scratch[from];
+                        sum[pair] += inflow * before[from];
                     }
                 }
             }
             let total = kept + ((volume[0] + volume[1]) + (volume[2] + volume[3]));
-            let sum = kept * scratch[column] + ((sum[0] + sum[1]) + (sum[2] + sum[3]));
+            let sum = kept * before[column] + ((sum[0] + sum[1]) + (sum[2] + sum[3]));
             *value = if total > 0.0 { sum / total } else { 0.0 };
-        }
+        });
     }
 }
 
 impl Water {
+    /// Volume (m3) that stayed in a column during the last step.
+    pub fn kept(&self, column: usize) -> f64 {
+        self.kept[column]
+    }
+
     /// Visits the neighbours that gave a column water in the last step: their index and the volume (m3).
     pub fn each_inflow(&self, column: usize, mut visit: impl FnMut(usize, f64)) {
         let layout = &self.layout;
@@ -99,7 +115,7 @@ impl Water {
             let moved = self.pipes.moved[layout.pipe(layout.moved(here, shift), family)];
             let inflow = if is_tail { moved } else { -moved };
             if inflow > 0.0 {
-                let [dx, dz] = super::OFFSETS[family].map(|offset| if is_tail { -offset } else { offset });
+                let [dx, dz] = OFFSETS[family].map(|offset| if is_tail { -offset } else { offset });
                 visit(column.wrapping_add_signed(dz * layout.nx as isize + dx), inflow);
             }
         }
@@ -107,6 +123,7 @@ impl Water {
 }
 
 /// What each column of a row can give of what its pipes ask for, 0..1.
+#[inline(always)]
 fn share_row(moved: &[f64], stride: usize, row: usize, depth: &[f64], area: f64, share: &mut [f64]) {
     let width = depth.len();
     let at = |(family, [dx, dz], _): (usize, [isize; 2], bool)| {
@@ -122,24 +139,23 @@ fn share_row(moved: &[f64], stride: usize, row: usize, depth: &[f64], area: f64,
 }
 
 /// Cuts the volumes and velocities of one row's pipes to the share of the column that gives.
-fn scale_row(share: &[f64], layout: &Layout, row: usize, dt: f64, out: PipeRow) {
+fn scale_row(share: &[f64], layout: &Layout, row: usize, out: PipeRow) {
     let (stride, nx) = (layout.stride, layout.nx);
-    for (family, [dx, dz]) in super::OFFSETS.into_iter().enumerate() {
+    for (family, [dx, dz]) in OFFSETS.into_iter().enumerate() {
         let place = family * stride + MARGIN;
         let (eta, moved) = (&mut out.eta[place..][..nx], &mut out.moved[place..][..nx]);
-        let (sweep, section) = (&mut out.sweep[place..][..nx], &layout.sections(row)[place..][..nx]);
         let head = columns(share, stride, row, 0, 0, nx);
         let tail = columns(share, stride, row.wrapping_add_signed(dz), 0, dx, nx);
         for i in 0..nx {
             let share = if moved[i] > 0.0 { head[i] } else { tail[i] };
             eta[i] *= share;
             moved[i] *= share;
-            sweep[i] = eta[i] * (section[i] * dt);
         }
     }
 }
 
 /// New depths of one row, and the volume that stayed in each column.
+#[inline(always)]
 fn gather_row(moved: &[f64], stride: usize, row: usize, area: f64, depth: &mut [f64], kept: &mut [f64]) {
     let width = depth.len();
     let at = |(family, [dx, dz], _): (usize, [isize; 2], bool)| {

@@ -1,11 +1,22 @@
 //! Columns of water and the pipes between them: the body of the water (O'Brien and Hodgins 1995; Mould and Yang 1997).
 //!
-//! Here are the state, its settings and what others may ask of it or do to it; `layout` says where things lie, `step` moves
-//! the flow, `limit` the volume, `velocity` makes velocities of columns of it, `cells` the slabs of columns that are divided. Spray, sources and sinks are elsewhere.
+//! Here are the state, its settings and what others may ask of it or do to it; `layout` says where things lie, `step` what
+//! moves the flow and `flow` does it, `limit` moves the volume, `velocity` makes columns' velocities of it, `cells` divides
+//! columns. Spray, sources and sinks are elsewhere.
+//!
+//! # What it can and cannot do
+//!
+//! On a level bed without friction the pipes solve the shallow-water equations to first order: waves run at sqrt(g h) in
+//! every direction, bores as fast as Stoker's, a broad crest passes critical flow. They know no vertical acceleration:
+//! short waves do not disperse, crests do not curl (spray stands in for that), a jet over a ledge leaves it level. Ground is
+//! one height for each column, so that slopes are stairs; a bank that shuts a diagonal pipe takes its share of the flow
+//! along that bank. Divided columns exchange no momentum between their cells, which makes bores late.
 
 mod cells;
+mod flow;
 mod layout;
 mod limit;
+mod rows;
 mod step;
 #[cfg(test)]
 mod tests;
@@ -13,8 +24,7 @@ mod velocity;
 
 use super::Grid;
 use cells::Cells;
-use layout::{FAMILIES, Layout, OFFSETS, Pipes, WALL};
-use rayon::prelude::*;
+use layout::{Layout, Pipes, WALL};
 
 /// What the water obeys.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -230,35 +240,6 @@ impl Water {
         self.given.copy_from_slice(&pipes[2 * count..whole - 1]);
         self.is_given = self.given.iter().any(|given| *given != 0.0);
         self.last_step = pipes[whole - 1];
-        let (layout, chunk) = (&self.layout, FAMILIES * self.layout.stride);
-        let sweep = self.pipes.sweep.chunks_exact_mut(chunk).zip(self.pipes.eta.chunks_exact(chunk));
-        for (row, (sweep, eta)) in sweep.enumerate() {
-            for ((sweep, eta), section) in sweep.iter_mut().zip(eta).zip(layout.sections(row)) {
-                *sweep = eta * (section * self.last_step);
-            }
-        }
         true
-    }
-
-    /// The longest step that is stable.
-    ///
-    /// A wave may cross `courant` of a column: 1 / dt = ((|v_x| + c) / dx + (|v_z| + c) / dz) / courant, c = sqrt(g h),
-    /// v the fastest of the column's pipes along each axis. At courant 1 this is below the bound of the linear scheme,
-    /// dt c sqrt(1 / dx^2 + 1 / dz^2) < 1.
-    pub fn largest_step(&self) -> Step {
-        let layout = &self.layout;
-        let row =
-            |z: usize| step::fastest(&self.pipes.eta, layout, z, &self.depth, self.settings.gravity, self.grid.width);
-        let greater = |a: step::Fastest, b: step::Fastest| if b.rate > a.rate { b } else { a };
-        let worst = if step::is_parallel(self.grid.count()) {
-            // Rows come back in order, and of equals the first wins, whoever made them.
-            (0..layout.nz)
-                .into_par_iter()
-                .map(row)
-                .reduce(step::Fastest::default, |a, b| if (b.rate, a.column) > (a.rate, b.column) { b } else { a })
-        } else {
-            (0..layout.nz).map(row).fold(step::Fastest::default(), greater)
-        };
-        Step { seconds: self.settings.courant / worst.rate, column: worst.column, speed: worst.speed }
     }
 }

@@ -1,9 +1,11 @@
 //! Velocities of columns, from the volumes that their pipes moved, and the drag of the bed.
 
-use super::Water;
-use super::layout::{DENSITY, FAMILIES, MARGIN, pipes};
+use super::flow::BLOCK;
+use super::layout::{DENSITY, FAMILIES, Layout, MARGIN, pipes};
 use super::limit::PAIRS;
-use super::step::{each_row, each_row_of_two, greater, is_parallel};
+use super::rows::{each_row, each_row_of_two, greater, is_parallel};
+use super::{Step, Water};
+use rayon::prelude::*;
 
 /// What a column's velocity follows from, for all of a map.
 #[derive(Clone, Copy)]
@@ -26,6 +28,48 @@ impl Momentum {
         let share = if speed > fastest { fastest / speed } else { 1.0 };
         [x * share, z * share]
     }
+}
+
+/// The column of a row that allows the shortest step.
+#[derive(Clone, Copy, Default)]
+struct Fastest {
+    /// Columns that a wave crosses in a second.
+    pub rate: f64,
+    pub column: usize,
+    pub speed: f64,
+}
+
+/// The fastest column of row `z`; rate 0 where all are dry.
+fn fastest(eta: &[f64], layout: &Layout, z: usize, depth: &[f64], gravity: f64, [dx, dz]: [f64; 2]) -> Fastest {
+    let stride = layout.stride;
+    let [cos_x, cos_z] = layout.direction[2];
+    let mut worst = Fastest::default();
+    for x in (0..layout.nx).step_by(BLOCK) {
+        let width = BLOCK.min(layout.nx - x);
+        let depth = &depth[z * layout.nx + x..][..width];
+        let at = |family, shift, row| pipes(eta, stride, row, family, x, shift, width);
+        let (e, w, s, n) = (at(0, 0, z + 1), at(0, -1, z + 1), at(1, 0, z + 1), at(1, 0, z));
+        let (se, nw, sw, ne) = (at(2, 0, z + 1), at(2, -1, z), at(3, 0, z + 1), at(3, 1, z));
+        let mut rates = [0.0; BLOCK];
+        let mut greatest = 0.0f64;
+        for i in 0..width {
+            let diagonal = greater(greater(se[i].abs(), nw[i].abs()), greater(sw[i].abs(), ne[i].abs()));
+            let along_x = greater(greater(e[i].abs(), w[i].abs()), diagonal * cos_x);
+            let along_z = greater(greater(s[i].abs(), n[i].abs()), diagonal * cos_z);
+            let wave = (gravity * depth[i]).sqrt();
+            let rate = (along_x + wave) / dx + (along_z + wave) / dz;
+            rates[i] = if depth[i] > 0.0 { rate } else { 0.0 };
+            greatest = greater(rates[i], greatest);
+        }
+        if greatest > worst.rate {
+            let i = rates[..width].iter().position(|&rate| rate == greatest).unwrap_or(0);
+            let around = [e[i], w[i], s[i], n[i], se[i], nw[i], sw[i], ne[i]];
+            let flow = around.into_iter().fold(0.0f64, |fastest, velocity| fastest.max(velocity.abs()));
+            let column = z * layout.nx + x + i;
+            worst = Fastest { rate: greatest, column, speed: flow + (gravity * depth[i]).sqrt() };
+        }
+    }
+    worst
 }
 
 impl Water {
@@ -96,6 +140,27 @@ impl Water {
     pub fn pressure_at_base(&self, column: usize, external: f64) -> f64 {
         let [x, z] = self.flow_at(column);
         DENSITY * self.settings.gravity * self.depth[column] + 0.5 * DENSITY * (x * x + z * z) + external
+    }
+
+    /// The longest step that is stable.
+    ///
+    /// A wave may cross `courant` of a column: 1 / dt = ((|v_x| + c) / dx + (|v_z| + c) / dz) / courant, c = sqrt(g h),
+    /// v the fastest of the column's pipes along each axis. At courant 1 this is below the bound of the linear scheme,
+    /// dt c sqrt(1 / dx^2 + 1 / dz^2) < 1.
+    pub fn largest_step(&self) -> Step {
+        let layout = &self.layout;
+        let row = |z: usize| fastest(&self.pipes.eta, layout, z, &self.depth, self.settings.gravity, self.grid.width);
+        let greater = |a: Fastest, b: Fastest| if b.rate > a.rate { b } else { a };
+        let worst = if is_parallel(self.grid.count()) {
+            // Rows come back in order, and of equals the first wins, whoever made them.
+            (0..layout.nz)
+                .into_par_iter()
+                .map(row)
+                .reduce(Fastest::default, |a, b| if (b.rate, a.column) > (a.rate, b.column) { b } else { a })
+        } else {
+            (0..layout.nz).map(row).fold(Fastest::default(), greater)
+        };
+        Step { seconds: self.settings.courant / worst.rate, column: worst.column, speed: worst.speed }
     }
 
     /// Refreshes the velocity of each column, and where Manning's roughness asks for it the bed's drag.

@@ -174,7 +174,7 @@ fn vertical_speed_is_that_of_a_fall_or_climb() {
     let base = |x: usize, z: usize| if z == 1 { [0.0, 0.0, -50.0][x] } else { 30.0 };
     let mut water = water(grid, base, depth);
     let mut spray = spray(&SpraySettings::default(), &state::Model::default(), grid);
-    spray.shed(&mut water, 0.002, &[false, true, false].repeat(3).iter().map(|_| false).collect::<Vec<_>>(), &[]);
+    spray.shed(&mut water, 0.002, &[false; 9], &[]);
     assert!(!spray.is_empty());
     let expected = [2.0 / 3.0 * (2.0 * GRAVITY).sqrt(), -(2.0 * GRAVITY * 0.3f64).sqrt(), 0.0];
     for velocity in spray.state().velocity {

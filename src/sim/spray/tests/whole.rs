@@ -30,7 +30,7 @@ impl Fall {
             [foot[0], 1.0, 1.0],
         ]);
         let model = state::Model { spheres, panels: vec![plank], ..state::Model::default() };
-        let spray = super::spray(&SpraySettings::default(), &model, grid);
+        let spray = super::spray(&SpraySettings { volume: Some(4e-4), ..SpraySettings::default() }, &model, grid);
         let sink = (0..grid.count()).map(|column| column % nx == nx - 1).collect();
         Self { water, spray, sink, entered: 0.0 }
     }

@@ -1,6 +1,7 @@
 //! Steady flows: crests, slopes, friction, rivers.
 
 use super::*;
+use crate::sim::water::layout::OFFSETS;
 
 /// Error of the discharge over a crest 1 m long and 0.5 m high, against critical flow under the same energy.
 fn weir(width: f64) -> f64 {
@@ -107,8 +108,7 @@ fn a_stream_is_not_pushed_out_of_its_bed() {
                 let pipe = layout.pipe(layout.padded(x, z), family);
                 water.pipes.eta[pipe] = mean * layout.direction[family][0];
                 let section = layout.sections(z + 1)[family * layout.stride + layout.padded(x, 0) % layout.stride];
-                water.pipes.sweep[pipe] = water.pipes.eta[pipe] * section * water.last_step;
-                water.pipes.moved[pipe] = water.pipes.sweep[pipe];
+                water.pipes.moved[pipe] = water.pipes.eta[pipe] * section * water.last_step;
             }
         }
     }
@@ -160,7 +160,7 @@ fn odd_and_even_columns_do_not_part() {
     // A checkerboard on running water must fade, not grow.
     let grid = square(40, 20, 0.5);
     let base = each(&grid, |[x, _]| 10.0 - 0.05 * x);
-    let odd = |column: usize| if (column % 40 + column / 40) % 2 == 0 { 1.0 } else { -1.0 };
+    let odd = |column: usize| if (column % 40 + column / 40).is_multiple_of(2) { 1.0 } else { -1.0 };
     let depth = (0..grid.count()).map(|column| 0.5 + 0.01 * odd(column)).collect();
     let mut water = Water::new(grid, base, depth, smooth());
     let part = |water: &Water| -> f64 {
