@@ -1,7 +1,8 @@
 //! Where columns and pipes lie in memory, and how wide a pipe is.
 //!
-//! Working fields carry a margin of two dry columns along x, of one row before the first and two behind the last, whose base is higher than any water: walls
-//! then need no branch. Pipes of one row lie together, its four families one after another. Nothing here moves water.
+//! Working fields carry a margin (two dry columns at both ends of a row, one row before the first, two behind the last)
+//! whose base is higher than any water: walls then need no branch. Pipes of one row lie together, its four families one
+//! after another. Nothing here moves water.
 
 use crate::sim::Grid;
 use rayon::prelude::*;

@@ -46,8 +46,7 @@ fn standing_waves_swing_in_time_along_axes_and_diagonals() {
 
 #[test]
 fn a_wave_in_a_channel_across_the_columns_swings_in_time() {
-    // A channel at 45 degrees with stepped banks, 12 columns wide. Where a bank shuts a diagonal pipe its share is missing,
-    // so the wave is late: by 6 % here, less the wider the channel.
+    // A channel at 45 degrees with stepped banks, 12 columns wide: what runs along it are the diagonal pipes.
     let n = 60;
     let grid = square(n, n, 0.1);
     let along = |[x, z]: [f64; 2]| (x + z) / 2f64.sqrt();
