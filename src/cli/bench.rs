@@ -15,10 +15,9 @@ pub fn run(arguments: &BenchArgs) -> Result<Outcome, CliError> {
     let sizes = arguments.columns.iter().map(|size| [size.nx as usize, size.nz as usize]).collect::<Vec<_>>();
     // Rays are compared thread by thread; a simulation runs on what the machine has, over a range of sizes.
     let (by_default, some_sizes): (_, &[[usize; 2]]) = match arguments.what {
-        Benchmark::Sim => (
-            std::thread::available_parallelism().ok(),
-            &[[80, 20], [200, 200], [400, 400], [1000, 1000], [2000, 2000]],
-        ),
+        Benchmark::Sim => {
+            (std::thread::available_parallelism().ok(), &[[80, 20], [200, 200], [400, 400], [1000, 1000], [2000, 2000]])
+        }
         Benchmark::Surface | Benchmark::Leaks => (None, &[[400, 400]]),
     };
     let settings = Settings {

@@ -285,9 +285,9 @@ impl Bins {
         if boxes.is_empty() {
             return Self::default();
         }
-        let all = boxes.iter().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |all, one| {
-            [all[0].min(one[0]), all[1].max(one[1])]
-        });
+        let all = boxes
+            .iter()
+            .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |all, one| [all[0].min(one[0]), all[1].max(one[1])]);
         // As many bins as shapes leave about one of each in the other.
         let side = (boxes.len() as f64).sqrt().ceil().min(256.0);
         let low = [all[0].x, all[0].z];

@@ -114,6 +114,9 @@ impl Turbulence {
 
                 let lift = *energy - gravity * length - SURFACE_TENSION / (DENSITY * length);
                 let in_rate = ENTRAINMENT * (2.0 * lift.max(0.0)).sqrt() / depth;
+                if in_rate == 0.0 && *air == 0.0 {
+                    return;
+                }
                 let out_rate = BUBBLE_RISE / depth;
                 let balance = in_rate / (in_rate + out_rate);
                 // Both ends and the factor lie in 0..1; so does what lies between, but for a rounding.
@@ -270,7 +273,8 @@ mod tests {
         let grid = oblong(5, 4);
         let depth = vec![1.0; grid.count()];
         let check = |flow: &dyn Fn(f64, f64) -> [f64; 2], vorticity: f64, strain: f64| {
-            let flow: Vec<_> = (0..grid.count()).map(|column| flow(grid.centre(column)[0], grid.centre(column)[1])).collect();
+            let flow: Vec<_> =
+                (0..grid.count()).map(|column| flow(grid.centre(column)[0], grid.centre(column)[1])).collect();
             let mean = Mean { grid, depth: &depth, flow: &flow, head: &[] };
             for column in 0..grid.count() {
                 assert!((mean.vorticity(column) - vorticity).abs() < 1e-12);
@@ -435,7 +439,9 @@ mod tests {
         assert!(turbulence.set_state(&[1.0, 2.0, 0.25, 0.5]));
         assert_eq!((turbulence.state(), turbulence.aeration()), (vec![1.0, 2.0, 0.25, 0.5], &[0.25, 0.5][..]));
         assert!((turbulence.speed(0) - (2.0f64 / 3.0).sqrt()).abs() < 1e-15);
-        for wrong in [&[1.0, 2.0, 0.25][..], &[1.0, -2.0, 0.2, 0.5], &[1.0, 2.0, 0.25, 1.5], &[f64::NAN, 2.0, 0.25, 0.5]] {
+        for wrong in
+            [&[1.0, 2.0, 0.25][..], &[1.0, -2.0, 0.2, 0.5], &[1.0, 2.0, 0.25, 1.5], &[f64::NAN, 2.0, 0.25, 0.5]]
+        {
             assert!(!turbulence.set_state(wrong));
             assert_eq!(turbulence.state(), [1.0, 2.0, 0.25, 0.5]);
         }

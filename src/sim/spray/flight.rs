@@ -70,13 +70,7 @@ pub(super) fn radius(mass: f64) -> f64 {
 
 impl Drop {
     /// Flies for `time` seconds and hands out what columns get.
-    pub(super) fn fly(
-        &mut self,
-        around: &Surroundings,
-        rules: &Rules,
-        time: f64,
-        mut give: impl FnMut(Gift),
-    ) -> Fate {
+    pub(super) fn fly(&mut self, around: &Surroundings, rules: &Rules, time: f64, mut give: impl FnMut(Gift)) -> Fate {
         let mut half = around.half_at(self.position);
         if self.position.y < around.ground(self.position) {
             return self.soak(around, half, &mut give);

@@ -135,11 +135,7 @@ impl Spray {
                 least_height: settings.least_height.unwrap_or(diameter),
                 discharge: settings.discharge,
             },
-            rules: Rules {
-                gravity,
-                restitution: settings.restitution,
-                absorption_time: settings.absorption_time,
-            },
+            rules: Rules { gravity, restitution: settings.restitution, absorption_time: settings.absorption_time },
             solids,
             state,
             due: vec![0; columns],
@@ -167,8 +163,7 @@ impl Spray {
             return;
         }
         let solids = std::mem::take(&mut self.solids);
-        let around =
-            Surroundings { grid: self.grid, base: water.base(), depth: water.depth(), sink, solids: &solids };
+        let around = Surroundings { grid: self.grid, base: water.base(), depth: water.depth(), sink, solids: &solids };
         self.tasks.resize_with(count.div_ceil(PARTICLES_PER_TASK).max(self.tasks.len()), Task::default);
         let (rules, born) = (self.rules, self.born);
         let SprayState { position, velocity, mass, first_mass, age, .. } = &mut self.state;
@@ -320,13 +315,14 @@ impl Spray {
     #[must_use]
     pub fn set_state(&mut self, state: SprayState) -> bool {
         let (particles, columns) = (state.mass.len(), self.grid.count());
-        let fits = [state.position.len(), state.velocity.len(), state.first_mass.len(), state.age.len(), state.id.len()]
-            .iter()
-            .all(|length| *length == particles)
-            && [state.gathering.len(), state.shedding.len(), state.pressure.len(), state.impacts.len()]
+        let fits =
+            [state.position.len(), state.velocity.len(), state.first_mass.len(), state.age.len(), state.id.len()]
                 .iter()
-                .all(|length| *length == columns)
-            && state.demand.len() == columns;
+                .all(|length| *length == particles)
+                && [state.gathering.len(), state.shedding.len(), state.pressure.len(), state.impacts.len()]
+                    .iter()
+                    .all(|length| *length == columns)
+                && state.demand.len() == columns;
         let numbers = |values: &[f64]| values.iter().all(|value| value.is_finite());
         let sound = numbers(state.position.as_flattened())
             && numbers(state.velocity.as_flattened())

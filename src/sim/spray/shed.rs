@@ -56,10 +56,8 @@ impl Weir {
         let (top, level) = (own[0] + own[1], before[0] + before[1]);
         let sill = level.max(own[0]);
         let exposed = top - sill;
-        let breaks = own[1] > 0.0
-            && exposed > 0.0
-            && exposed >= self.least_height
-            && top - level > self.threshold * before[1];
+        let breaks =
+            own[1] > 0.0 && exposed > 0.0 && exposed >= self.least_height && top - level > self.threshold * before[1];
         Face { exposed, sill, breaks }
     }
 
@@ -240,9 +238,7 @@ impl Spray {
         let speed = self.weir.speed(face.exposed);
         let own = [water.base()[column], water.depth()[column]];
         let [up, along] = match neighbour(grid, column, step.map(|step| -step)) {
-            Some(behind) => {
-                self.weir.turn(speed, own, [water.base()[behind], water.depth()[behind]], grid.width[axis])
-            }
+            Some(behind) => self.weir.turn(speed, own, [water.base()[behind], water.depth()[behind]], grid.width[axis]),
             None => [0.0, speed],
         };
 

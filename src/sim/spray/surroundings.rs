@@ -202,7 +202,9 @@ impl Surroundings<'_> {
         if self.base[own] <= height {
             return own;
         }
-        self.around(half).into_iter().fold(own, |low, column| if self.base[column] < self.base[low] { column } else { low })
+        self.around(half)
+            .into_iter()
+            .fold(own, |low, column| if self.base[column] < self.base[low] { column } else { low })
     }
 
     /// The nearest point within the map.
@@ -265,11 +267,8 @@ impl Surroundings<'_> {
         let [u, v] = self.place(&patch, point);
         let [du, dv] = [velocity.x / self.grid.width[0], velocity.z / self.grid.width[1]];
         let (slope_u, slope_v) = patch.slopes(u, v);
-        let over_ground = [
-            point.y - patch.value(u, v),
-            velocity.y - (slope_u * du + slope_v * dv),
-            bend - patch.twist * du * dv,
-        ];
+        let over_ground =
+            [point.y - patch.value(u, v), velocity.y - (slope_u * du + slope_v * dv), bend - patch.twist * du * dv];
         let ground = first_fall(over_ground, span);
         let over_water = match self.surface(half, radius) {
             Surface::Dry => None,

@@ -2,8 +2,6 @@
 //!
 //! Three passes, each over all columns, so that no order of columns or threads shows in the result.
 
-use rayon::prelude::*;
-
 use super::Water;
 use super::layout::{FAMILIES, Layout, MARGIN, OFFSETS, PipeRow, columns, pipes};
 use super::rows::{each_row, each_row_of_two, greater};
@@ -15,9 +13,6 @@ pub(super) const PAIRS: [[(usize, [isize; 2], bool); 2]; FAMILIES] = [
     [(2, [0, 0], false), (2, [-1, -1], true)],
     [(3, [0, 0], false), (3, [1, -1], true)],
 ];
-
-/// Columns that one task carries things into.
-const COLUMNS_PER_TASK: usize = 4096;
 
 /// Part of its water that a column gives at most: eight products and their sum are rounded, so a share of 1 could ask for
 /// some 9 units in the last place too much.
@@ -59,46 +54,6 @@ impl Water {
             }
         });
     }
-
-    /// Carries what is dissolved in the water as the last step moved it: each volume takes its column's value along, and a
-    /// column's new value is the mean of what stayed and what came in. Nothing is made or lost, and no new extremes arise;
-    /// a column that nothing is left in gets 0. Water given to or taken from columns since that step changes no value.
-    ///
-    /// `values`: one for each column. `scratch` is made as long; keep it, to allocate once.
-    pub fn carry(&self, values: &mut [f64], scratch: &mut Vec<f64>) {
-        let layout = &self.layout;
-        assert_eq!(values.len(), self.grid.count(), "one value for each column");
-        scratch.clear();
-        scratch.extend_from_slice(values);
-        let before: &[f64] = scratch;
-        values.par_iter_mut().with_min_len(COLUMNS_PER_TASK).enumerate().for_each(|(column, value)| {
-            let kept = self.kept[column];
-            // A column that nothing stayed in and nothing came into is dry, and most of a valley is.
-            if kept <= 0.0 && self.depth[column] <= 0.0 {
-                *value = 0.0;
-                return;
-            }
-            let here = layout.padded_index(column);
-            let (mut volume, mut sum) = ([0.0; FAMILIES], [0.0; FAMILIES]);
-            for (pair, pipes) in PAIRS.iter().enumerate() {
-                for &(family, shift, is_tail) in pipes {
-                    let owner = layout.moved(here, shift);
-                    let moved = self.pipes.moved[layout.pipe(owner, family)];
-                    let inflow = if is_tail { moved } else { -moved }.max(0.0);
-                    if inflow > 0.0 {
-                        let [dx, dz] = OFFSETS[family];
-                        let (dx, dz) = if is_tail { (-dx, -dz) } else { (dx, dz) };
-                        let from = column.wrapping_add_signed(dz * layout.nx as isize + dx);
-                        volume[pair] += inflow;
-                        sum[pair] += inflow * before[from];
-                    }
-                }
-            }
-            let total = kept + ((volume[0] + volume[1]) + (volume[2] + volume[3]));
-            let sum = kept * before[column] + ((sum[0] + sum[1]) + (sum[2] + sum[3]));
-            *value = if total > 0.0 { sum / total } else { 0.0 };
-        });
-    }
 }
 
 impl Water {
@@ -108,10 +63,11 @@ impl Water {
     }
 
     /// Visits the neighbours that gave a column water in the last step: their index and the volume (m3).
+    #[inline(always)]
     pub fn each_inflow(&self, column: usize, mut visit: impl FnMut(usize, f64)) {
         let layout = &self.layout;
         let here = layout.padded_index(column);
-        for (family, shift, is_tail) in PAIRS.into_iter().flatten() {
+        for &(family, shift, is_tail) in PAIRS.iter().flatten() {
             let moved = self.pipes.moved[layout.pipe(layout.moved(here, shift), family)];
             let inflow = if is_tail { moved } else { -moved };
             if inflow > 0.0 {

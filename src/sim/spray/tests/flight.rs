@@ -27,8 +27,7 @@ fn a_flight_is_a_parabola_to_rounding_for_any_step() {
     let mut spray = spray(&SpraySettings::default(), &state::Model::default(), grid);
     let (start, velocity) = (DVec3::new(1.0, 4.0, 20.0), DVec3::new(2.5, 7.0, -1.25));
     for (dt, steps) in [(3.0, 1), (0.3, 10), (0.01, 300), (0.001, 3000)] {
-        let [position, speed] =
-            fly_one(&mut spray, &mut water, (start.to_array(), velocity.to_array()), dt, steps);
+        let [position, speed] = fly_one(&mut spray, &mut water, (start.to_array(), velocity.to_array()), dt, steps);
         let time = 3.0;
         let exact = start + velocity * time + DVec3::NEG_Y * (0.5 * GRAVITY * time * time);
         // A rounding of each of the terms at each step.
@@ -116,7 +115,8 @@ fn water_on_a_cliff_is_a_film_that_nothing_climbs_by() {
     // As above, but the upper columns are wet: what strikes the cliff below them falls on, and its water comes to the foot.
     let grid = oblong(5, 3);
     let mut water = water(grid, |x, _| if x < 2 { 10.0 } else { 0.0 }, |x, _| if x < 2 { 0.3 } else { 0.1 });
-    let upper = |water: &Water| (0..15).filter(|column| column % 5 < 2).map(|column| water.depth()[column]).sum::<f64>();
+    let upper =
+        |water: &Water| (0..15).filter(|column| column % 5 < 2).map(|column| water.depth()[column]).sum::<f64>();
     let before = upper(&water);
     let mut spray = spray(&bouncy(0.3), &state::Model::default(), grid);
     let [x, z] = grid.centre(1);

@@ -23,12 +23,8 @@ impl Fall {
         );
         let foot = grid.centre(lip + 1);
         let spheres = vec![sphere([foot[0], 0.2, 1.0], 0.3), sphere([foot[0] + 0.4, 0.0, 2.0], 0.5)];
-        let plank = panel([
-            [foot[0], 1.0, 0.0],
-            [foot[0] + 1.0, 0.8, 0.0],
-            [foot[0] + 1.0, 0.8, 1.0],
-            [foot[0], 1.0, 1.0],
-        ]);
+        let plank =
+            panel([[foot[0], 1.0, 0.0], [foot[0] + 1.0, 0.8, 0.0], [foot[0] + 1.0, 0.8, 1.0], [foot[0], 1.0, 1.0]]);
         let model = state::Model { spheres, panels: vec![plank], ..state::Model::default() };
         let spray = super::spray(&SpraySettings { volume: Some(4e-4), ..SpraySettings::default() }, &model, grid);
         let sink = (0..grid.count()).map(|column| column % nx == nx - 1).collect();
