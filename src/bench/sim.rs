@@ -1,4 +1,4 @@
-//! The simulation's speed: milliseconds a step by phase, over sizes of the map.
+//! The simulation's speed: milliseconds a step by phase, over sizes of the map; and its errors against closed forms.
 //!
 //! The work: a sloping valley with rough ground, half of it under running water, and 5 particles over each 8 columns
 //! (100,000 at 400x400) that are put back in the air before every step, so that no size has spray that another has not.
@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 use super::rows::{Row, Rows};
 use super::{BenchError, Settings};
 use crate::scene::{Landform, LandformKind, Simulation, SpraySettings};
-use crate::sim::{Simulator, SimulatorState, prepare};
+use crate::sim::{Simulator, SimulatorState, prepare, trials};
 
 /// Width of a column (m).
 const WIDTH: f64 = 0.25;
@@ -61,6 +61,41 @@ pub fn run(settings: &Settings, out: &mut impl Write) -> Result<(), BenchError> 
             ..Row::default()
         })?;
     }
+    errors(settings.quick, out)
+}
+
+/// Errors against closed forms, and how they fall as columns become smaller.
+fn errors(quick: bool, out: &mut impl Write) -> Result<(), BenchError> {
+    let order = |errors: &[f64]| match errors {
+        [.., coarse, fine] => format!("{:.2}", (coarse / fine).abs().log2()),
+        _ => String::new(),
+    };
+    let row = |out: &mut dyn Write, name: &str, errors: &[f64]| {
+        let values: String = errors.iter().map(|error| format!("{:>10.3}", error * 100.0)).collect();
+        writeln!(out, "{name:<46}{values}{:>9}", order(errors))
+    };
+    let finer = if quick { 2 } else { 4 };
+    writeln!(out, "\nerrors in %, each column half as wide as the one before, and the last order")?;
+    for (name, right) in [
+        ("dam break over 0.5 m (Stoker), L1 of depth", 0.5),
+        ("dam break over 0.1 m (Stoker)", 0.1),
+        ("dam break over a dry bed (Ritter)", 0.0),
+    ] {
+        let errors: Vec<f64> = (0..finer).map(|level| trials::dam_break(50 << level, right)).collect();
+        row(out, name, &errors)?;
+    }
+    for (name, modes) in [
+        ("period of a standing wave along x", [1, 0]),
+        ("along z", [0, 1]),
+        ("along a diagonal", [1, 1]),
+        ("across it, two half waves by one", [2, 1]),
+    ] {
+        let period =
+            |level: usize| trials::period([10 << level; 2], [0.1 / f64::from(1u32 << level); 2], modes, None) - 1.0;
+        row(out, name, &(0..finer.min(3)).map(period).collect::<Vec<_>>())?;
+    }
+    let weirs: Vec<f64> = (0..finer.min(3)).map(|level| trials::weir(0.2 / f64::from(1u32 << level))).collect();
+    row(out, "discharge over a broad crest, 5 columns and up", &weirs)?;
     Ok(())
 }
 

@@ -14,6 +14,7 @@ mod setup;
 mod simulator;
 mod solids;
 mod spray;
+pub mod trials;
 mod turbulence;
 mod water;
 

@@ -1,6 +1,6 @@
 //! One simulation: what happens in a step and in which order, how long steps are, and what a frame shows of it.
 //!
-//! The order of a step: forces, water, what is poured and held, spray breaking free, spray flying, turbulence.
+//! The order of a step: forces, water, what is poured in, spray breaking free, spray flying, columns that keep their height, turbulence.
 //! Files are not written here; `checkpoint` keeps what frames do not.
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -245,13 +245,14 @@ impl Simulator {
         let shedding = self.spray.as_ref().map_or(&[][..], Spray::shedding);
         self.water.step(dt, &Forcing { pressure: &self.pressure, shedding });
         self.pour(dt);
-        self.hold(self.time + dt);
         let watered = Instant::now();
         if let Some(spray) = &mut self.spray {
             self.speeds.iter_mut().enumerate().for_each(|(column, speed)| *speed = self.turbulence.speed(column));
             spray.shed(&mut self.water, dt, &self.sink, &self.speeds);
             spray.fly(&mut self.water, dt, &self.sink);
         }
+        // After the spray, which takes water from columns and gives it to others.
+        self.hold(self.time + dt);
         let sprayed = Instant::now();
         // After the spray, whose impacts it needs: so they are no state of their own.
         let impacts = self.spray.as_ref().map_or(&[][..], Spray::impacts);

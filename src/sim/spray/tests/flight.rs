@@ -159,21 +159,19 @@ fn what_slides_in_a_sheet_of_water_makes_no_energy() {
     let energy = |state: &SprayState| {
         0.5 * DVec3::from_array(state.velocity[0]).length_squared() + GRAVITY * state.position[0][1]
     };
-    let mut last = energy(&spray.state());
-    let start_energy = last;
-    for _ in 0..1000 {
+    let first = energy(&spray.state());
+    for step in 0..1000 {
         spray.fly(&mut water, 0.001, &[false; 200]);
         let now = energy(&spray.state());
-        assert!(now <= last + 1e-12, "{now} after {last}");
-        last = now;
+        // Up through the sheet's depth it is borne for nothing, as it sinks for nothing; but not up the slope.
+        assert!(now <= first + GRAVITY * 0.2, "step {step}: {now} after {first}");
     }
-    // Up for some 0.7 s and down again, as a ball on a smooth slope; drag is next to nothing.
+    // Up for some 0.7 s and down again, about as a ball on a smooth slope: where it touches the bed it stops and starts anew.
     let time = 1.0;
     let pull = GRAVITY * 0.5 / 1.25f64.sqrt();
     let way = 0.5 * pull * time * time - 3.0 * time;
     let moved = (DVec3::from_array(spray.state().position[0]) - start).dot(slope);
-    assert!((moved - way).abs() < 0.03, "{moved} {way}");
-    assert!(last > start_energy - 0.1 * 4.5);
+    assert!((moved - way).abs() < 0.2, "{moved} {way}");
 }
 
 #[test]
@@ -493,9 +491,11 @@ fn a_fast_particle_meets_a_sheet_of_water_thinner_than_its_step() {
     put(&mut spray, 0.01, &[([-2.0, 15.0, 13.5], [0.0, -300.0, 0.0])]);
     spray.fly(&mut water, 0.1, &[false; 25]);
     let column = grid.column_at([-2.0, 13.5]).unwrap();
-    // Down and up again: twice 20 cm, at a tenth of a second for 63 %, and hardly any drag.
+    // Down through 20 cm with hardly any drag; the bed stops it there for the rest of the step: 63 % in a tenth of a second.
     let speed = (300.0 * 300.0 + 2.0 * GRAVITY * 14.8f64).sqrt();
-    let given = 0.01 * (1.0 - (-(0.4 / speed) / 0.1f64).exp());
+    let fall = (speed - 300.0) / GRAVITY;
+    let given = 0.01 * (1.0 - (-(0.1 - fall) / 0.1f64).exp());
+    assert_eq!(spray.state().velocity[0], [0.0; 3]);
     assert!(((0.01 - spray.mass()) / given - 1.0).abs() < 1e-4, "{} {given}", 0.01 - spray.mass());
     assert!(spray.pressure()[column] > 0.0);
 }

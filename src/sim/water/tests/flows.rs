@@ -1,37 +1,8 @@
 //! Steady flows: crests, slopes, friction, rivers.
 
 use super::*;
+use crate::sim::trials::weir;
 use crate::sim::water::layout::OFFSETS;
-
-/// Error of the discharge over a crest 1 m long and 0.5 m high, against critical flow under the same energy.
-fn weir(width: f64) -> f64 {
-    let (upstream, crest, height, discharge) = (2.0, 1.0, 0.5, 0.1);
-    let count = ((upstream + crest + 0.6) / width).round() as usize;
-    let grid = square(count, 3, width);
-    let base = each(&grid, |[x, _]| match x {
-        x if x < upstream => 0.0,
-        x if x < upstream + crest => height,
-        _ => -1.0,
-    });
-    let depth = base.iter().map(|base| if *base == 0.0 { height + 0.14 } else { 0.0 }).collect();
-    let mut water = Water::new(grid, base, depth, WaterSettings { friction: 0.9999, ..smooth() });
-    let mut time = 0.0;
-    while time < 25.0 {
-        let dt = water.largest_step().seconds;
-        water.step(dt, &Forcing::default());
-        for z in 0..3 {
-            water.give(z * count, discharge * width * dt);
-            water.set_depth(z * count + count - 1, 0.0);
-        }
-        time += dt;
-    }
-    let place = count + (0.5 * upstream / width) as usize;
-    let crest = count + ((upstream + 0.5 * crest) / width) as usize;
-    let flow = water.flow_at(crest)[0] * water.depth()[crest];
-    assert!((flow / discharge - 1.0).abs() < 0.01, "not steady: {flow}");
-    let head = water.top(place) - height + water.flow_at(place)[0].powi(2) / (2.0 * 9.81);
-    discharge / analytic::weir_discharge(analytic::BROAD_CREST, 1.0, head, 9.81) - 1.0
-}
 
 #[test]
 fn a_broad_crest_passes_critical_flow() {

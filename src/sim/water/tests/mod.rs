@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::sim::analytic;
+use crate::sim::trials::{each, run, smooth};
 
 mod conservation;
 mod extremes;
@@ -17,25 +18,6 @@ fn random(seed: &mut u64) -> f64 {
 /// A map of `nx` by `nz` square columns whose corner lies at 0, 0.
 fn square(nx: usize, nz: usize, width: f64) -> Grid {
     Grid { nx, nz, width: [width; 2], origin: [0.5 * width; 2] }
-}
-
-fn smooth() -> WaterSettings {
-    WaterSettings { friction: 1.0, ..WaterSettings::default() }
-}
-
-/// One value for each column of a map, by the place of its centre.
-fn each(grid: &Grid, value: impl FnMut([f64; 2]) -> f64) -> Vec<f64> {
-    (0..grid.count()).map(|column| grid.centre(column)).map(value).collect()
-}
-
-/// Runs for `seconds` in the largest steps.
-fn run(water: &mut Water, seconds: f64) {
-    let mut time = 0.0;
-    while time < seconds {
-        let dt = water.largest_step().seconds.min(seconds - time);
-        water.step(dt, &Forcing::default());
-        time += dt;
-    }
 }
 
 fn bits(water: &Water) -> Vec<u64> {

@@ -1,31 +1,8 @@
 //! Speeds of waves and bores against closed forms.
 
 use super::*;
+use crate::sim::trials::{dam_break, period};
 use std::f64::consts::PI;
-
-/// Period of a small standing wave over the theory's.
-fn period(count: [usize; 2], width: [f64; 2], modes: [u32; 2], cell_height: Option<f64>) -> f64 {
-    let grid = Grid { nx: count[0], nz: count[1], width, origin: [0.5 * width[0], 0.5 * width[1]] };
-    let size = [count[0] as f64 * width[0], count[1] as f64 * width[1]];
-    let still = 0.1;
-    let shape = each(&grid, |[x, z]| {
-        (PI * f64::from(modes[0]) * x / size[0]).cos() * (PI * f64::from(modes[1]) * z / size[1]).cos()
-    });
-    let depth = shape.iter().map(|shape| still + 1e-5 * shape).collect();
-    let mut water = Water::new(grid, vec![0.0; grid.count()], depth, WaterSettings { cell_height, ..smooth() });
-    let amplitude = |water: &Water| -> f64 { water.depth().iter().zip(&shape).map(|(d, s)| (d - still) * s).sum() };
-    let dt = water.largest_step().seconds;
-    let (mut time, mut crossings, mut before) = (0.0, Vec::new(), amplitude(&water));
-    while crossings.len() < 3 {
-        water.step(dt, &Forcing::default());
-        let after = amplitude(&water);
-        if before * after < 0.0 {
-            crossings.push(time + dt * before / (before - after));
-        }
-        (time, before) = (time + dt, after);
-    }
-    (crossings[2] - crossings[0]) / analytic::standing_wave_period(size, modes, still, 9.81)
-}
 
 #[test]
 fn standing_waves_swing_in_time_along_axes_and_diagonals() {
@@ -70,21 +47,6 @@ fn a_wave_in_a_channel_across_the_columns_swings_in_time() {
     }
     let ratio = (crossings[2] - crossings[0]) / analytic::standing_wave_period([to - from, 1.0], [1, 0], 0.1, 9.81);
     assert!((ratio - 1.0).abs() < 0.03, "{ratio}");
-}
-
-/// Relative L1 error of the depth after a dam 1 m deep broke, 1.2 s before.
-fn dam_break(count: usize, right: f64) -> f64 {
-    let (length, time, width) = (20.0, 1.2, 20.0 / count as f64);
-    let grid = Grid { nx: count, nz: 3, width: [width; 2], origin: [0.5 * (width - length), 0.0] };
-    let depth = each(&grid, |[x, _]| if x < 0.0 { 1.0 } else { right });
-    let mut water = Water::new(grid, vec![0.0; grid.count()], depth, smooth());
-    run(&mut water, time);
-    let exact = each(&grid, |[x, _]| match right {
-        0.0 => analytic::ritter_dam_break(1.0, 9.81, x, time)[0],
-        _ => analytic::stoker_dam_break(1.0, right, 9.81, x, time)[0],
-    });
-    let error: f64 = water.depth().iter().zip(&exact).map(|(depth, exact)| (depth - exact).abs()).sum();
-    error / exact.iter().sum::<f64>()
 }
 
 #[test]
