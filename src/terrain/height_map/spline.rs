@@ -91,7 +91,7 @@ fn at(values: &[f64], curvatures: &[f64], place: f64) -> f64 {
     s * y0 + t * y1 - s * t * ((1.0 + s) * m0 + (1.0 + t) * m1) / 6.0
 }
 
-/// The equations of the second derivatives, factored once for all rows: m[i-1] + 4 m[i] + m[i+1] = 6 (y[i-1] - 2 y[i] + y[i+1]).
+/// The equations of the second derivatives, factored once for all rows: `m[i-1] + 4 m[i] + m[i+1] = 6 (y[i-1] - 2 y[i] + y[i+1])`.
 struct System {
     /// Upper factor of each inner row.
     upper: Vec<f64>,

@@ -44,7 +44,7 @@ fn a_dropped_particle_rises_to_the_square_of_its_restitution_whatever_the_step()
     let grid = oblong(6, 5);
     let mut water = water(grid, |_, _| 2.0, |_, _| 0.0);
     let mut spray = spray(&bouncy(0.5), &state::Model::default(), grid);
-    let fall = (2.0 * 5.0 / GRAVITY as f64).sqrt();
+    let fall = (2.0 * 5.0 / GRAVITY).sqrt();
     let rise = 0.5 * fall;
     for steps in [1, 2, 7, 1000] {
         let time = fall + rise;
@@ -239,7 +239,7 @@ fn a_dropped_particle_stands_on_a_sphere_as_on_the_ground() {
     let model = state::Model { spheres: vec![sphere([0.0, 5.0, 15.0], 1.0)], ..state::Model::default() };
     let mut water = water(grid, |_, _| -10.0, |_, _| 0.0);
     let mut spray = spray(&bouncy(0.6), &model, grid);
-    let fall = (2.0 * 4.0 / GRAVITY as f64).sqrt();
+    let fall = (2.0 * 4.0 / GRAVITY).sqrt();
     for steps in [1, 3, 50] {
         let time = 1.6 * fall;
         let [position, velocity] =
