@@ -99,6 +99,11 @@ pub(crate) trait Simd: Copy + Send + Sync + 'static {
     fn load(self, from: &[f32]) -> Self::F;
     /// Into the first `LANES` of a slice; panics on a shorter one.
     fn store(self, value: Self::F, to: &mut [f32]);
+    /// The first values of `from`, one after the other, in the lanes of `mask`; `old` elsewhere. Panics where `from` is
+    /// shorter than the mask has lanes.
+    fn expand(self, from: &[f32], mask: Self::M, old: Self::F) -> Self::F;
+    /// The lanes of `mask` one after the other to the front of `to`; panics where that is shorter.
+    fn compress(self, value: Self::F, mask: Self::M, to: &mut [f32]);
     /// One integer in every lane.
     fn splat_int(self, value: i32) -> Self::I;
     /// Into the first `LANES` of a slice of integers.

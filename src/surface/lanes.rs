@@ -96,6 +96,19 @@ pub trait LaneSurface: Send + Sync {
     fn closest(&self, rays: &LaneRays, hits: &mut LaneHits, counts: &mut SolveCounts);
     /// Bit per active lane that hits anything.
     fn occluded(&self, rays: &LaneRays, counts: &mut SolveCounts) -> u16;
+    /// First hit of each active lane of many packets that have one growth of the tolerance; as many `hits` as packets.
+    /// Rays of all packets may share their lanes; a ray's answer does not depend on its neighbours.
+    fn closest_stream(&self, rays: &[LaneRays], hits: &mut [LaneHits], counts: &mut SolveCounts) {
+        for (rays, hits) in rays.iter().zip(hits) {
+            self.closest(rays, hits, counts);
+        }
+    }
+    /// The lanes of many packets that hit anything, as bits of `hit`.
+    fn occluded_stream(&self, rays: &[LaneRays], hits: &mut [LaneHits], counts: &mut SolveCounts) {
+        for (rays, hits) in rays.iter().zip(hits) {
+            hits.hit = self.occluded(rays, counts);
+        }
+    }
     /// Bytes held above the heights themselves.
     fn bytes(&self) -> u64;
 }
