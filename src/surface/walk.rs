@@ -398,7 +398,8 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
                 leave = s.select(arrives, to, leave);
                 crosses_x = (crosses_x & !arrives) | (x_first & arrives);
                 let count = s.bits(waiting).count_ones();
-                if count * 3 > s.bits(active).count_ones() * 2 {
+                let walking = s.bits(active).count_ones();
+                if count * 3 > walking * 2 || (next < queue.count && walking + REFILL <= S::LANES as u32) {
                     break;
                 }
             }
