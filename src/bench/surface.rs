@@ -40,6 +40,8 @@ enum Tracer {
     Alone(Arc<SplineSurface>),
     /// The same, its lanes refilled.
     Stream(Arc<SplineSurface>),
+    /// The same, a ray at a time.
+    One(Arc<SplineSurface>),
 }
 
 /// Answers of a class: t, or 0 / inf for any-hit.
@@ -59,6 +61,7 @@ fn trace(
             (Tracer::Embree(embree), true, true) => embree.occluded(rays, occluded, &mut counts),
             (Tracer::Embree(embree), true, false) => embree.occluded_single(rays, occluded, &mut counts),
             (Tracer::Stream(surface), ..) => stream(surface, any, rays, hits, occluded, &mut counts),
+            (Tracer::One(surface), ..) => one_by_one(surface, any, rays, hits, occluded, &mut counts),
             (Tracer::Alone(surface), ..) => alone(surface, any, rays, hits, occluded, &mut counts),
         }
         each(hits, occluded);
@@ -155,6 +158,39 @@ fn stream(
     }
 }
 
+fn one_by_one(
+    surface: &SplineSurface,
+    any: bool,
+    rays: &RayBatch,
+    hits: &mut HitBatch,
+    occluded: &mut Vec<bool>,
+    counts: &mut SolveCounts,
+) {
+    hits.reset(rays.len());
+    occluded.clear();
+    occluded.resize(rays.len(), false);
+    let mut packet = LaneRays { tolerance_growth: rays.tolerance_growth, active: 1, ..LaneRays::EMPTY };
+    let mut found = LaneHits::EMPTY;
+    for index in 0..rays.len() {
+        for axis in 0..3 {
+            packet.origin[axis][0] = rays.origin[axis][index];
+            packet.direction[axis][0] = rays.direction[axis][index];
+        }
+        packet.tnear[0] = rays.tnear[index];
+        packet.tfar[0] = rays.tfar[index];
+        packet.tolerance[0] = rays.tolerance[index];
+        if any {
+            occluded[index] = surface.occluded(&packet, counts) == 1;
+        } else {
+            surface.closest(&packet, &mut found, counts);
+            if found.hit == 1 {
+                hits.t[index] = found.t[0];
+                hits.part[index] = 0;
+            }
+        }
+    }
+}
+
 fn embree(geometry: Geometry) -> Result<(EmbreeAccel, f64, f64), BenchError> {
     let start = Instant::now();
     let embree = EmbreeAccel::new(&[(0, geometry)])?;
@@ -208,6 +244,17 @@ fn rivals(lattice: &crate::surface::Lattice, simd: SimdLevel) -> Result<Vec<Riva
         simd: simd.name(),
         batch: true,
         tracer: Tracer::Stream(surface),
+        build_ms: bounds_ms,
+        bytes,
+    });
+    let (surface, bounds_ms) = spline(SolverKind::Univariate, simd);
+    let bytes = surface.bytes() as f64;
+    rivals.push(Rival {
+        name: "stream",
+        solver: "univariate",
+        simd: simd.name(),
+        batch: false,
+        tracer: Tracer::One(surface),
         build_ms: bounds_ms,
         bytes,
     });

@@ -10,6 +10,7 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod portable;
+mod single;
 
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
 use std::sync::OnceLock;
@@ -202,6 +203,18 @@ pub(crate) fn dispatch<K: Kernel>(level: SimdLevel, kernel: K) -> K::Output {
             unsafe { avx2::enter(kernel) }
         }
         _ => portable::enter(kernel),
+    }
+}
+
+/// Runs a kernel a lane at a time: for work that comes one by one, where wide lanes would idle.
+pub(crate) fn dispatch_single<K: Kernel>(level: SimdLevel, kernel: K) -> K::Output {
+    match level {
+        #[cfg(target_arch = "x86_64")]
+        SimdLevel::Avx512 | SimdLevel::Avx2 if available(SimdLevel::Avx2) => {
+            // SAFETY: the guard has asked the processor for every feature that the entry point enables.
+            unsafe { single::enter_fused(kernel) }
+        }
+        _ => single::enter(kernel),
     }
 }
 

@@ -55,6 +55,26 @@ impl LaneRays {
     }
 }
 
+impl LaneRays {
+    /// Bit per lane that holds a ray at all: finite, with a direction, an interval that is not empty and a tolerance of
+    /// at least 0.
+    pub fn sound(&self) -> u16 {
+        let mut sound = 0;
+        for lane in 0..LANES {
+            let (mut finite, mut somewhere) = (true, false);
+            for axis in 0..3 {
+                finite &= self.origin[axis][lane].abs() < f32::INFINITY;
+                finite &= self.direction[axis][lane].abs() < f32::INFINITY;
+                somewhere |= self.direction[axis][lane] != 0.0;
+            }
+            let interval = (self.tnear[lane] >= 0.0) & (self.tnear[lane] < self.tfar[lane]);
+            let tolerance = (self.tolerance[lane] >= 0.0) & (self.tolerance[lane] < f32::INFINITY);
+            sound |= u16::from(finite & somewhere & interval & tolerance) << lane;
+        }
+        sound
+    }
+}
+
 /// Answers of a packet: only lanes whose bit is set in `hit` are written.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]

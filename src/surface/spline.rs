@@ -10,7 +10,7 @@ use super::solve::{Newton, PatchSolver, PerLane, Reference, Univariate};
 use super::walk::Walk;
 use super::{LANES, LaneHits, LaneRays, LaneSurface, SolveCounts, SurfacePoint};
 use crate::scene::SolverKind;
-use crate::simd::{SimdLevel, dispatch};
+use crate::simd::{SimdLevel, dispatch, dispatch_single};
 
 /// Packets of a stream that share their lanes at a time: enough that lanes rarely idle, few enough to stay in cache.
 const BLOCK: usize = 32;
@@ -123,6 +123,13 @@ impl SplineSurface {
     ) {
         let Some(range) = self.range else { return };
         let (lattice, pyramid) = (&self.lattice, &self.pyramid);
+        if N == 1 {
+            return match lattice.order {
+                2 => dispatch_single(simd, Walk::<_, 2, 2, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
+                3 => dispatch_single(simd, Walk::<_, 3, 4, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
+                _ => dispatch_single(simd, Walk::<_, 4, 6, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
+            };
+        }
         match lattice.order {
             2 => dispatch(simd, Walk::<_, 2, 2, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
             3 => dispatch(simd, Walk::<_, 3, 4, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
@@ -145,12 +152,22 @@ impl LaneSurface for SplineSurface {
     fn closest(&self, rays: &LaneRays, hits: &mut LaneHits, counts: &mut SolveCounts) {
         hits.hit = 0;
         hits.gave_up = 0;
-        self.walk::<false, LANES>(slice::from_ref(rays), slice::from_mut(hits), counts);
+        let (rays, hits) = (slice::from_ref(rays), slice::from_mut(hits));
+        if rays[0].active.count_ones() == 1 {
+            self.walk::<false, 1>(rays, hits, counts);
+        } else {
+            self.walk::<false, LANES>(rays, hits, counts);
+        }
     }
 
     fn occluded(&self, rays: &LaneRays, counts: &mut SolveCounts) -> u16 {
         let mut hits = LaneHits::EMPTY;
-        self.walk::<true, LANES>(slice::from_ref(rays), slice::from_mut(&mut hits), counts);
+        let (rays, found) = (slice::from_ref(rays), slice::from_mut(&mut hits));
+        if rays[0].active.count_ones() == 1 {
+            self.walk::<true, 1>(rays, found, counts);
+        } else {
+            self.walk::<true, LANES>(rays, found, counts);
+        }
         hits.hit
     }
 

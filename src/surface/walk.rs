@@ -55,28 +55,28 @@ pub(super) struct Walk<'a, P, const K: usize, const D: usize, const ANY: bool, c
     pub counts: &'a mut SolveCounts,
 }
 
-/// Where each ray of a packet starts, in the surface's own terms.
-struct Start {
+/// Where some rays of a packet start, in the surface's own terms.
+struct Start<const L: usize> {
     /// Cell of the start: whole numbers.
-    cell: [[f32; LANES]; 2],
+    cell: [[f32; L]; 2],
     /// Offset within it, 0..1.
-    offset: [[f32; LANES]; 2],
+    offset: [[f32; L]; 2],
     /// Cells per t.
-    slope: [[f32; LANES]; 2],
+    slope: [[f32; L]; 2],
     /// Height (m), leading and trailing part.
-    height: [[f32; LANES]; 2],
+    height: [[f32; L]; 2],
     /// Height in steps of the pyramid.
-    step: [f32; LANES],
+    step: [f32; L],
     /// Steps per t.
-    rise: [f32; LANES],
+    rise: [f32; L],
     /// t of the start on the ray as given.
-    base: [f64; LANES],
+    base: [f64; L],
     /// Length of the walk, in t; negative for a ray that misses the surface's box.
-    length: [f32; LANES],
+    length: [f32; L],
     /// Tolerance at the start.
-    tolerance: [f32; LANES],
+    tolerance: [f32; L],
     /// Positive where the ray entered the box from outside.
-    entered: [f32; LANES],
+    entered: [f32; L],
 }
 
 /// Fields of a waiting ray, each an array over the rays that meet the surface's box.
@@ -102,10 +102,12 @@ const PATCH: usize = 4;
 struct Queue<const N: usize> {
     waiting: [[f32; N]; FIELDS],
     count: usize,
-    /// Ray, t, place, cell.
+    /// Place among the waiting, t, place in the patch, cell.
     found: [[f32; N]; 6],
     hits: usize,
-    /// t of each ray's start on the ray as given.
+    /// Number of each waiting ray: packet and lane.
+    number: [usize; N],
+    /// t of its start on the ray as given.
     base: [f64; N],
 }
 
@@ -120,6 +122,7 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
             count: 0,
             found: [[0.0; N]; 6],
             hits: 0,
+            number: [0; N],
             base: [0.0; N],
         };
         for packet in 0..self.rays.len() {
@@ -136,15 +139,22 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
     /// Puts the rays of a packet that meet the surface's box in the queue.
     #[inline(always)]
     fn enqueue<S: Simd>(&self, s: S, packet: usize, queue: &mut Queue<N>) {
-        let rays = &self.rays[packet];
-        let start = self.start(rays);
-        let mut numbers = [0.0; LANES];
-        for lane in 0..LANES {
-            numbers[lane] = (packet * LANES + lane) as f32;
+        if S::LANES == 1 {
+            for lane in (0..LANES).filter(|lane| self.rays[packet].active >> lane & 1 == 1) {
+                self.enqueue_lanes::<S, 1>(s, packet, lane, queue);
+            }
+        } else {
+            self.enqueue_lanes::<S, LANES>(s, packet, 0, queue);
         }
-        queue.base[packet * LANES..][..LANES].copy_from_slice(&start.base);
-        for first in (0..LANES).step_by(S::LANES) {
-            let asked = s.from_bits(u32::from(rays.active) >> first);
+    }
+
+    /// The lanes `from..from + L` of a packet; `L` is at least the width of the vectors.
+    #[inline(always)]
+    fn enqueue_lanes<S: Simd, const L: usize>(&self, s: S, packet: usize, from: usize, queue: &mut Queue<N>) {
+        let rays = &self.rays[packet];
+        let start = self.start::<L>(rays, from);
+        for first in (0..L).step_by(S::LANES) {
+            let asked = s.from_bits(u32::from(rays.active) >> (from + first));
             let lanes = asked & s.le(s.splat(0.0), s.load(&start.length[first..]));
             let count = queue.count;
             for axis in 0..2 {
@@ -158,29 +168,36 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
             s.compress(s.load(&start.length[first..]), lanes, &mut queue.waiting[LENGTH][count..]);
             s.compress(s.load(&start.tolerance[first..]), lanes, &mut queue.waiting[TOLERANCE][count..]);
             s.compress(s.load(&start.entered[first..]), lanes, &mut queue.waiting[ENTERED][count..]);
-            s.compress(s.load(&rays.direction[1][first..]), lanes, &mut queue.waiting[VERTICAL][count..]);
-            s.compress(s.load(&numbers[first..]), lanes, &mut queue.waiting[RAY][count..]);
-            queue.count += s.bits(lanes).count_ones() as usize;
+            s.compress(s.load(&rays.direction[1][from + first..]), lanes, &mut queue.waiting[VERTICAL][count..]);
+            let mut bits = s.bits(lanes);
+            while bits != 0 {
+                let lane = bits.trailing_zeros() as usize;
+                queue.waiting[RAY][queue.count] = queue.count as f32;
+                queue.number[queue.count] = packet * LANES + from + first + lane;
+                queue.base[queue.count] = start.base[first + lane];
+                queue.count += 1;
+                bits &= bits - 1;
+            }
         }
     }
 
     /// Clips each ray to the surface's box and moves it there, in double precision. Loops over lanes, one plain
     /// expression each, that compilers turn into vectors.
     #[inline(always)]
-    fn start(&self, rays: &LaneRays) -> Start {
+    fn start<const L: usize>(&self, rays: &LaneRays, from: usize) -> Start<L> {
         let lattice = self.lattice;
         let inverse_width = [1.0 / lattice.width[0], 1.0 / lattice.width[1]];
-        let (mut near, mut far) = ([0.0; LANES], [0.0; LANES]);
-        let (mut origin, mut direction) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
-        for lane in 0..LANES {
-            near[lane] = f64::from(rays.tnear[lane]);
-            far[lane] = f64::from(rays.tfar[lane]);
-            origin[0][lane] = (f64::from(rays.origin[0][lane]) - lattice.corner[0]) * inverse_width[0];
-            origin[1][lane] = (f64::from(rays.origin[2][lane]) - lattice.corner[1]) * inverse_width[1];
-            origin[2][lane] = f64::from(rays.origin[1][lane]);
-            direction[0][lane] = f64::from(rays.direction[0][lane]) * inverse_width[0];
-            direction[1][lane] = f64::from(rays.direction[2][lane]) * inverse_width[1];
-            direction[2][lane] = f64::from(rays.direction[1][lane]);
+        let (mut near, mut far) = ([0.0; L], [0.0; L]);
+        let (mut origin, mut direction) = ([[0.0; L]; 3], [[0.0; L]; 3]);
+        for lane in 0..L {
+            near[lane] = f64::from(rays.tnear[from + lane]);
+            far[lane] = f64::from(rays.tfar[from + lane]);
+            origin[0][lane] = (f64::from(rays.origin[0][from + lane]) - lattice.corner[0]) * inverse_width[0];
+            origin[1][lane] = (f64::from(rays.origin[2][from + lane]) - lattice.corner[1]) * inverse_width[1];
+            origin[2][lane] = f64::from(rays.origin[1][from + lane]);
+            direction[0][lane] = f64::from(rays.direction[0][from + lane]) * inverse_width[0];
+            direction[1][lane] = f64::from(rays.direction[2][from + lane]) * inverse_width[1];
+            direction[2][lane] = f64::from(rays.direction[1][from + lane]);
         }
         let tnear = near;
         let low = [lattice.domain[0][0], lattice.domain[0][1], self.range[0]];
@@ -189,18 +206,18 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
             clip(&mut near, &mut far, &origin[axis], &direction[axis], [low[axis], high[axis]]);
         }
         let mut start = Start {
-            cell: [[0.0; LANES]; 2],
-            offset: [[0.0; LANES]; 2],
-            slope: [[0.0; LANES]; 2],
-            height: [[0.0; LANES]; 2],
-            step: [0.0; LANES],
-            rise: [0.0; LANES],
-            base: [0.0; LANES],
-            length: [0.0; LANES],
-            tolerance: [0.0; LANES],
-            entered: [0.0; LANES],
+            cell: [[0.0; L]; 2],
+            offset: [[0.0; L]; 2],
+            slope: [[0.0; L]; 2],
+            height: [[0.0; L]; 2],
+            step: [0.0; L],
+            rise: [0.0; L],
+            base: [0.0; L],
+            length: [0.0; L],
+            tolerance: [0.0; L],
+            entered: [0.0; L],
         };
-        for lane in 0..LANES {
+        for lane in 0..L {
             // Rounding of a slab's quotient: a few units in the last place, so that water at the very edge stays.
             let speed = direction[0][lane].abs() + direction[1][lane].abs() + f64::MIN_POSITIVE;
             let slack = 4.0 * f64::EPSILON * (near[lane].abs() + 1.0 / speed);
@@ -215,7 +232,7 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
         }
         for axis in 0..2 {
             let last = (lattice.cells[axis] - 1) as f64;
-            for lane in 0..LANES {
+            for lane in 0..L {
                 let at = origin[axis][lane] + start.base[lane] * direction[axis][lane];
                 let cell = at.floor();
                 let cell = if cell > 0.0 { cell } else { 0.0 };
@@ -226,29 +243,29 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
             }
         }
         let mut plumb = false;
-        for lane in 0..LANES {
+        for lane in 0..L {
             plumb |= (direction[0][lane] == 0.0) & (direction[1][lane] == 0.0) & (start.length[lane] >= 0.0);
         }
         if plumb {
-            self.settle_plumb(rays.active, &mut start, &origin, &direction);
+            self.settle_plumb(rays.active >> from, &mut start, &origin, &direction);
         }
         let inverse_step = 1.0 / self.pyramid.step;
-        for lane in 0..LANES {
+        for lane in 0..L {
             let height = origin[2][lane] + start.base[lane] * direction[2][lane];
             let leading = height as f32;
             start.height[0][lane] = leading;
             start.height[1][lane] = (height - f64::from(leading)) as f32;
             start.step[lane] = ((height - self.pyramid.floor) * inverse_step) as f32;
             start.rise[lane] = (direction[2][lane] * inverse_step) as f32;
-            start.tolerance[lane] = rays.tolerance[lane] + rays.tolerance_growth * start.base[lane] as f32;
+            start.tolerance[lane] = rays.tolerance[from + lane] + rays.tolerance_growth * start.base[lane] as f32;
         }
         start
     }
 
     /// Plumb rays stay in one cell: on a border, in one that has a patch.
     #[cold]
-    fn settle_plumb(&self, active: u16, start: &mut Start, origin: &[[f64; LANES]; 3], direction: &[[f64; LANES]; 3]) {
-        for lane in (0..LANES).filter(|&lane| direction[0][lane] == 0.0 && direction[1][lane] == 0.0) {
+    fn settle_plumb<const L: usize>(&self, active: u16, start: &mut Start<L>, origin: &[[f64; L]; 3], direction: &[[f64; L]; 3]) {
+        for lane in (0..L).filter(|&lane| direction[0][lane] == 0.0 && direction[1][lane] == 0.0) {
             if start.length[lane] >= 0.0 && active >> lane & 1 == 1 {
                 let at = [origin[0][lane], origin[1][lane]];
                 let cell = self.lattice.closed_cell(at, [0, 1].map(|axis| start.cell[axis][lane] as usize));
@@ -452,7 +469,7 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
             }
             let doubtful = answer.gave_up & waiting;
             if s.any(doubtful) {
-                self.doubt(s, ray, doubtful);
+                self.doubt(s, queue, ray, doubtful);
             }
             active = active & !hits & !doubtful;
 
@@ -476,12 +493,12 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
 
     /// Notes the rays for which the solver gave up.
     #[cold]
-    fn doubt<S: Simd>(&mut self, s: S, ray: S::F, doubtful: S::M) {
+    fn doubt<S: Simd>(&mut self, s: S, queue: &Queue<N>, ray: S::F, doubtful: S::M) {
         let mut rays = [0.0; LANES];
         s.store(ray, &mut rays);
         let doubtful = s.bits(doubtful);
         for lane in (0..S::LANES).filter(|lane| doubtful >> lane & 1 == 1) {
-            let ray = rays[lane] as usize;
+            let ray = queue.number[rays[lane] as usize];
             self.hits[ray / LANES].gave_up |= 1 << (ray % LANES);
             self.counts.gave_up += 1;
         }
@@ -502,7 +519,7 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
     fn record<S: Simd>(&mut self, s: S, queue: &Queue<N>) {
         if ANY {
             for &ray in &queue.found[0][..queue.hits] {
-                let ray = ray as usize;
+                let ray = queue.number[ray as usize];
                 self.hits[ray / LANES].hit |= 1 << (ray % LANES);
             }
             return;
@@ -527,12 +544,13 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
             s.store(along_u * s.splat((-1.0 / self.lattice.width[0]) as f32), &mut fields[2]);
             s.store(along_v * s.splat((-1.0 / self.lattice.width[1]) as f32), &mut fields[3]);
             for lane in 0..count {
-                let ray = queue.found[0][first + lane] as usize;
+                let waited = queue.found[0][first + lane] as usize;
+                let ray = queue.number[waited];
                 let (packet, to) = (ray / LANES, ray % LANES);
                 let far = f64::from(self.rays[packet].tfar[to]);
                 let hits = &mut self.hits[packet];
                 hits.hit |= 1 << to;
-                hits.t[to] = (queue.base[ray] + f64::from(queue.found[AT][first + lane])).min(far) as f32;
+                hits.t[to] = (queue.base[waited] + f64::from(queue.found[AT][first + lane])).min(far) as f32;
                 hits.primitive[to] = patches[lane] as u32;
                 hits.u[to] = fields[0][lane];
                 hits.v[to] = fields[1][lane];
@@ -546,14 +564,14 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
 
 /// Clips the intervals `near..far` of each lane to a slab; the border belongs to it.
 #[inline(always)]
-fn clip(
-    near: &mut [f64; LANES],
-    far: &mut [f64; LANES],
-    origin: &[f64; LANES],
-    direction: &[f64; LANES],
+fn clip<const L: usize>(
+    near: &mut [f64; L],
+    far: &mut [f64; L],
+    origin: &[f64; L],
+    direction: &[f64; L],
     [low, high]: [f64; 2],
 ) {
-    for lane in 0..LANES {
+    for lane in 0..L {
         let d = direction[lane];
         // A ray along the slab: its quotients are infinite and say inside or outside, but for one that lies in a border,
         // 0 * inf. That one is inside.
