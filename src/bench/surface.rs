@@ -38,6 +38,10 @@ enum Tracer {
     Embree(EmbreeAccel),
     /// The surface alone, without Embree around it.
     Alone(Arc<SplineSurface>),
+    /// The same, its lanes refilled.
+    Stream(Arc<SplineSurface>),
+    /// The same, a ray at a time.
+    One(Arc<SplineSurface>),
 }
 
 /// Answers of a class: t, or 0 / inf for any-hit.
@@ -56,6 +60,8 @@ fn trace(
             (Tracer::Embree(embree), false, false) => embree.closest_single(rays, hits, &mut counts),
             (Tracer::Embree(embree), true, true) => embree.occluded(rays, occluded, &mut counts),
             (Tracer::Embree(embree), true, false) => embree.occluded_single(rays, occluded, &mut counts),
+            (Tracer::Stream(surface), ..) => stream(surface, any, rays, hits, occluded, &mut counts),
+            (Tracer::One(surface), ..) => one_by_one(surface, any, rays, hits, occluded, &mut counts),
             (Tracer::Alone(surface), ..) => alone(surface, any, rays, hits, occluded, &mut counts),
         }
         each(hits, occluded);
@@ -97,6 +103,89 @@ fn alone(
             for lane in (0..count).filter(|lane| found.hit >> lane & 1 == 1) {
                 hits.t[start + lane] = found.t[lane];
                 hits.part[start + lane] = 0;
+            }
+        }
+    }
+}
+
+fn stream(
+    surface: &SplineSurface,
+    any: bool,
+    rays: &RayBatch,
+    hits: &mut HitBatch,
+    occluded: &mut Vec<bool>,
+    counts: &mut SolveCounts,
+) {
+    const BLOCK: usize = 32;
+    let mut packets = [LaneRays::EMPTY; BLOCK];
+    let mut found = [LaneHits::EMPTY; BLOCK];
+    if any {
+        occluded.clear();
+        occluded.resize(rays.len(), false);
+    } else {
+        hits.reset(rays.len());
+    }
+    for block in (0..rays.len()).step_by(BLOCK * LANES) {
+        let total = (rays.len() - block).min(BLOCK * LANES);
+        let used = total.div_ceil(LANES);
+        for (packet, start) in packets[..used].iter_mut().zip((block..).step_by(LANES)) {
+            let count = LANES.min(rays.len() - start);
+            for axis in 0..3 {
+                packet.origin[axis][..count].copy_from_slice(&rays.origin[axis][start..start + count]);
+                packet.direction[axis][..count].copy_from_slice(&rays.direction[axis][start..start + count]);
+            }
+            packet.tnear[..count].copy_from_slice(&rays.tnear[start..start + count]);
+            packet.tfar[..count].copy_from_slice(&rays.tfar[start..start + count]);
+            packet.tolerance[..count].copy_from_slice(&rays.tolerance[start..start + count]);
+            packet.tolerance_growth = rays.tolerance_growth;
+            packet.active = (u32::MAX >> (32 - count)) as u16;
+        }
+        if any {
+            surface.occluded_stream(&packets[..used], &mut found[..used], counts);
+            for index in 0..total {
+                occluded[block + index] = found[index / LANES].hit >> (index % LANES) & 1 == 1;
+            }
+        } else {
+            surface.closest_stream(&packets[..used], &mut found[..used], counts);
+            for index in 0..total {
+                let (hits_of, lane) = (&found[index / LANES], index % LANES);
+                if hits_of.hit >> lane & 1 == 1 {
+                    hits.t[block + index] = hits_of.t[lane];
+                    hits.part[block + index] = 0;
+                }
+            }
+        }
+    }
+}
+
+fn one_by_one(
+    surface: &SplineSurface,
+    any: bool,
+    rays: &RayBatch,
+    hits: &mut HitBatch,
+    occluded: &mut Vec<bool>,
+    counts: &mut SolveCounts,
+) {
+    hits.reset(rays.len());
+    occluded.clear();
+    occluded.resize(rays.len(), false);
+    let mut packet = LaneRays { tolerance_growth: rays.tolerance_growth, active: 1, ..LaneRays::EMPTY };
+    let mut found = LaneHits::EMPTY;
+    for index in 0..rays.len() {
+        for axis in 0..3 {
+            packet.origin[axis][0] = rays.origin[axis][index];
+            packet.direction[axis][0] = rays.direction[axis][index];
+        }
+        packet.tnear[0] = rays.tnear[index];
+        packet.tfar[0] = rays.tfar[index];
+        packet.tolerance[0] = rays.tolerance[index];
+        if any {
+            occluded[index] = surface.occluded(&packet, counts) == 1;
+        } else {
+            surface.closest(&packet, &mut found, counts);
+            if found.hit == 1 {
+                hits.t[index] = found.t[0];
+                hits.part[index] = 0;
             }
         }
     }
@@ -147,6 +236,28 @@ fn rivals(lattice: &crate::surface::Lattice, simd: SimdLevel) -> Result<Vec<Riva
             bytes,
         });
     }
+    let (surface, bounds_ms) = spline(SolverKind::Univariate, simd);
+    let bytes = surface.bytes() as f64;
+    rivals.push(Rival {
+        name: "stream",
+        solver: "univariate",
+        simd: simd.name(),
+        batch: true,
+        tracer: Tracer::Stream(surface),
+        build_ms: bounds_ms,
+        bytes,
+    });
+    let (surface, bounds_ms) = spline(SolverKind::Univariate, simd);
+    let bytes = surface.bytes() as f64;
+    rivals.push(Rival {
+        name: "stream",
+        solver: "univariate",
+        simd: simd.name(),
+        batch: false,
+        tracer: Tracer::One(surface),
+        build_ms: bounds_ms,
+        bytes,
+    });
     let (surface, bounds_ms) = spline(SolverKind::Univariate, simd);
     let bytes = surface.bytes() as f64;
     rivals.push(Rival {

@@ -90,6 +90,33 @@ impl Simd for Avx2 {
         with_token!(_mm256_storeu_ps(to.as_mut_ptr(), value.0))
     }
     #[inline(always)]
+    fn expand(self, from: &[f32], mask: M, old: F) -> F {
+        let mut lanes = [0.0; 8];
+        self.store(old, &mut lanes);
+        let bits = self.bits(mask);
+        let mut next = 0;
+        for lane in 0..8 {
+            if bits >> lane & 1 == 1 {
+                lanes[lane] = from[next];
+                next += 1;
+            }
+        }
+        self.load(&lanes)
+    }
+    #[inline(always)]
+    fn compress(self, value: F, mask: M, to: &mut [f32]) {
+        let mut lanes = [0.0; 8];
+        self.store(value, &mut lanes);
+        let bits = self.bits(mask);
+        let mut next = 0;
+        for lane in 0..8 {
+            if bits >> lane & 1 == 1 {
+                to[next] = lanes[lane];
+                next += 1;
+            }
+        }
+    }
+    #[inline(always)]
     fn splat_int(self, value: i32) -> I {
         with_token!(I(_mm256_set1_epi32(value)))
     }

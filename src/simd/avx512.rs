@@ -101,6 +101,19 @@ impl Simd for Avx512 {
         with_token!(_mm512_storeu_ps(to.as_mut_ptr(), value.0))
     }
     #[inline(always)]
+    fn expand(self, from: &[f32], mask: M, old: F) -> F {
+        assert!(from.len() >= mask.0.count_ones() as usize);
+        with_token!(F(_mm512_mask_expandloadu_ps(old.0, mask.0, from.as_ptr())))
+    }
+    #[inline(always)]
+    fn compress(self, value: F, mask: M, to: &mut [f32]) {
+        let count = mask.0.count_ones();
+        assert!(to.len() >= count as usize);
+        let front = ((1u32 << count) - 1) as __mmask16;
+        // By way of a register: compressing straight to memory is slow on some processors.
+        with_token!(_mm512_mask_storeu_ps(to.as_mut_ptr(), front, _mm512_maskz_compress_ps(mask.0, value.0)))
+    }
+    #[inline(always)]
     fn splat_int(self, value: i32) -> I {
         with_token!(I(_mm512_set1_epi32(value)))
     }

@@ -10,6 +10,7 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod portable;
+mod single;
 
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
 use std::sync::OnceLock;
@@ -99,6 +100,11 @@ pub(crate) trait Simd: Copy + Send + Sync + 'static {
     fn load(self, from: &[f32]) -> Self::F;
     /// Into the first `LANES` of a slice; panics on a shorter one.
     fn store(self, value: Self::F, to: &mut [f32]);
+    /// The first values of `from`, one after the other, in the lanes of `mask`; `old` elsewhere. Panics where `from` is
+    /// shorter than the mask has lanes.
+    fn expand(self, from: &[f32], mask: Self::M, old: Self::F) -> Self::F;
+    /// The lanes of `mask` one after the other to the front of `to`; panics where that is shorter.
+    fn compress(self, value: Self::F, mask: Self::M, to: &mut [f32]);
     /// One integer in every lane.
     fn splat_int(self, value: i32) -> Self::I;
     /// Into the first `LANES` of a slice of integers.
@@ -197,6 +203,18 @@ pub(crate) fn dispatch<K: Kernel>(level: SimdLevel, kernel: K) -> K::Output {
             unsafe { avx2::enter(kernel) }
         }
         _ => portable::enter(kernel),
+    }
+}
+
+/// Runs a kernel a lane at a time: for work that comes one by one, where wide lanes would idle.
+pub(crate) fn dispatch_single<K: Kernel>(level: SimdLevel, kernel: K) -> K::Output {
+    match level {
+        #[cfg(target_arch = "x86_64")]
+        SimdLevel::Avx512 | SimdLevel::Avx2 if available(SimdLevel::Avx2) => {
+            // SAFETY: the guard has asked the processor for every feature that the entry point enables.
+            unsafe { single::enter_fused(kernel) }
+        }
+        _ => single::enter(kernel),
     }
 }
 

@@ -83,6 +83,33 @@ impl Simd for Portable {
         to[..N].copy_from_slice(&value.0);
     }
     #[inline(always)]
+    fn expand(self, from: &[f32], mask: M, old: F) -> F {
+        let mut lanes = [0.0; N];
+        self.store(old, &mut lanes);
+        let bits = self.bits(mask);
+        let mut next = 0;
+        for lane in 0..N {
+            if bits >> lane & 1 == 1 {
+                lanes[lane] = from[next];
+                next += 1;
+            }
+        }
+        self.load(&lanes)
+    }
+    #[inline(always)]
+    fn compress(self, value: F, mask: M, to: &mut [f32]) {
+        let mut lanes = [0.0; N];
+        self.store(value, &mut lanes);
+        let bits = self.bits(mask);
+        let mut next = 0;
+        for lane in 0..N {
+            if bits >> lane & 1 == 1 {
+                to[next] = lanes[lane];
+                next += 1;
+            }
+        }
+    }
+    #[inline(always)]
     fn splat_int(self, value: i32) -> I {
         I([value; N])
     }

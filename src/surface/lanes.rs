@@ -55,6 +55,26 @@ impl LaneRays {
     }
 }
 
+impl LaneRays {
+    /// Bit per lane that holds a ray at all: finite, with a direction, an interval that is not empty and a tolerance of
+    /// at least 0.
+    pub fn sound(&self) -> u16 {
+        let mut sound = 0;
+        for lane in 0..LANES {
+            let (mut finite, mut somewhere) = (true, false);
+            for axis in 0..3 {
+                finite &= self.origin[axis][lane].abs() < f32::INFINITY;
+                finite &= self.direction[axis][lane].abs() < f32::INFINITY;
+                somewhere |= self.direction[axis][lane] != 0.0;
+            }
+            let interval = (self.tnear[lane] >= 0.0) & (self.tnear[lane] < self.tfar[lane]);
+            let tolerance = (self.tolerance[lane] >= 0.0) & (self.tolerance[lane] < f32::INFINITY);
+            sound |= u16::from(finite & somewhere & interval & tolerance) << lane;
+        }
+        sound
+    }
+}
+
 /// Answers of a packet: only lanes whose bit is set in `hit` are written.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
@@ -96,6 +116,19 @@ pub trait LaneSurface: Send + Sync {
     fn closest(&self, rays: &LaneRays, hits: &mut LaneHits, counts: &mut SolveCounts);
     /// Bit per active lane that hits anything.
     fn occluded(&self, rays: &LaneRays, counts: &mut SolveCounts) -> u16;
+    /// First hit of each active lane of many packets that have one growth of the tolerance; as many `hits` as packets.
+    /// Rays of all packets may share their lanes; a ray's answer does not depend on its neighbours.
+    fn closest_stream(&self, rays: &[LaneRays], hits: &mut [LaneHits], counts: &mut SolveCounts) {
+        for (rays, hits) in rays.iter().zip(hits) {
+            self.closest(rays, hits, counts);
+        }
+    }
+    /// The lanes of many packets that hit anything, as bits of `hit`.
+    fn occluded_stream(&self, rays: &[LaneRays], hits: &mut [LaneHits], counts: &mut SolveCounts) {
+        for (rays, hits) in rays.iter().zip(hits) {
+            hits.hit = self.occluded(rays, counts);
+        }
+    }
     /// Bytes held above the heights themselves.
     fn bytes(&self) -> u64;
 }

@@ -1,14 +1,19 @@
 //! The spline surface as a thing to evaluate and to intersect.
 
+use std::slice;
+
 use glam::Vec3;
 
 use super::lattice::Lattice;
 use super::pyramid::Pyramid;
 use super::solve::{Newton, PatchSolver, PerLane, Reference, Univariate};
 use super::walk::Walk;
-use super::{LaneHits, LaneRays, LaneSurface, SolveCounts, SurfacePoint};
+use super::{LANES, LaneHits, LaneRays, LaneSurface, SolveCounts, SurfacePoint};
 use crate::scene::SolverKind;
-use crate::simd::{SimdLevel, dispatch};
+use crate::simd::{SimdLevel, dispatch, dispatch_single};
+
+/// Packets of a stream that share their lanes at a time: enough that lanes rarely idle, few enough to stay in cache.
+const BLOCK: usize = 32;
 
 /// A B-spline height function over a map of columns, with its bounds and its solver.
 #[derive(Clone, Debug)]
@@ -89,33 +94,46 @@ impl SplineSurface {
         self.range
     }
 
-    fn walk<const ANY: bool>(&self, rays: &LaneRays, hits: &mut LaneHits, counts: &mut SolveCounts) {
+    /// As many `hits` as packets, all missing; at most [`BLOCK`] packets, with one growth of the tolerance.
+    fn walk<const ANY: bool, const N: usize>(
+        &self,
+        rays: &[LaneRays],
+        hits: &mut [LaneHits],
+        counts: &mut SolveCounts,
+    ) {
         match self.solver {
-            SolverKind::Univariate => self.walk_with::<_, ANY>(Univariate, self.simd, rays, hits, counts),
+            SolverKind::Univariate => self.walk_with::<_, ANY, N>(Univariate, self.simd, rays, hits, counts),
             // These work a ray at a time: wide lanes would only idle.
             SolverKind::Newton => {
-                self.walk_with::<_, ANY>(PerLane(Newton), SimdLevel::Portable, rays, hits, counts);
+                self.walk_with::<_, ANY, N>(PerLane(Newton), SimdLevel::Portable, rays, hits, counts);
             }
             SolverKind::Reference => {
-                self.walk_with::<_, ANY>(PerLane(Reference), SimdLevel::Portable, rays, hits, counts);
+                self.walk_with::<_, ANY, N>(PerLane(Reference), SimdLevel::Portable, rays, hits, counts);
             }
         }
     }
 
-    fn walk_with<P: PatchSolver, const ANY: bool>(
+    fn walk_with<P: PatchSolver, const ANY: bool, const N: usize>(
         &self,
         solver: P,
         simd: SimdLevel,
-        rays: &LaneRays,
-        hits: &mut LaneHits,
+        rays: &[LaneRays],
+        hits: &mut [LaneHits],
         counts: &mut SolveCounts,
     ) {
         let Some(range) = self.range else { return };
         let (lattice, pyramid) = (&self.lattice, &self.pyramid);
+        if N == 1 {
+            return match lattice.order {
+                2 => dispatch_single(simd, Walk::<_, 2, 2, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
+                3 => dispatch_single(simd, Walk::<_, 3, 4, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
+                _ => dispatch_single(simd, Walk::<_, 4, 6, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
+            };
+        }
         match lattice.order {
-            2 => dispatch(simd, Walk::<_, 2, 2, ANY> { lattice, pyramid, range, solver, rays, hits, counts }),
-            3 => dispatch(simd, Walk::<_, 3, 4, ANY> { lattice, pyramid, range, solver, rays, hits, counts }),
-            _ => dispatch(simd, Walk::<_, 4, 6, ANY> { lattice, pyramid, range, solver, rays, hits, counts }),
+            2 => dispatch(simd, Walk::<_, 2, 2, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
+            3 => dispatch(simd, Walk::<_, 3, 4, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
+            _ => dispatch(simd, Walk::<_, 4, 6, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
         }
     }
 }
@@ -134,13 +152,43 @@ impl LaneSurface for SplineSurface {
     fn closest(&self, rays: &LaneRays, hits: &mut LaneHits, counts: &mut SolveCounts) {
         hits.hit = 0;
         hits.gave_up = 0;
-        self.walk::<false>(rays, hits, counts);
+        let (rays, hits) = (slice::from_ref(rays), slice::from_mut(hits));
+        if rays[0].active.count_ones() == 1 {
+            self.walk::<false, 1>(rays, hits, counts);
+        } else {
+            self.walk::<false, LANES>(rays, hits, counts);
+        }
     }
 
     fn occluded(&self, rays: &LaneRays, counts: &mut SolveCounts) -> u16 {
         let mut hits = LaneHits::EMPTY;
-        self.walk::<true>(rays, &mut hits, counts);
+        let (rays, found) = (slice::from_ref(rays), slice::from_mut(&mut hits));
+        if rays[0].active.count_ones() == 1 {
+            self.walk::<true, 1>(rays, found, counts);
+        } else {
+            self.walk::<true, LANES>(rays, found, counts);
+        }
         hits.hit
+    }
+
+    fn closest_stream(&self, rays: &[LaneRays], hits: &mut [LaneHits], counts: &mut SolveCounts) {
+        for (rays, hits) in rays.chunks(BLOCK).zip(hits.chunks_mut(BLOCK)) {
+            for hits in &mut *hits {
+                hits.hit = 0;
+                hits.gave_up = 0;
+            }
+            self.walk::<false, { BLOCK * LANES }>(rays, hits, counts);
+        }
+    }
+
+    fn occluded_stream(&self, rays: &[LaneRays], hits: &mut [LaneHits], counts: &mut SolveCounts) {
+        for (rays, hits) in rays.chunks(BLOCK).zip(hits.chunks_mut(BLOCK)) {
+            for hits in &mut *hits {
+                hits.hit = 0;
+                hits.gave_up = 0;
+            }
+            self.walk::<true, { BLOCK * LANES }>(rays, hits, counts);
+        }
     }
 
     fn bytes(&self) -> u64 {

@@ -39,74 +39,165 @@ const ENTRY_LEVEL: i32 = 5;
 /// Level at which a ray that begins within the bounds begins: it has just left the surface, or is about to hit it.
 const INSIDE_LEVEL: i32 = 2;
 
-/// One packet of rays against one surface.
-pub(super) struct Walk<'a, P, const K: usize, const D: usize, const ANY: bool> {
+/// Idle lanes that are worth a refill.
+const REFILL: u32 = 4;
+
+/// Packets of rays against one surface, at most `N` rays; lanes that are done take the next ray until none is left.
+pub(super) struct Walk<'a, P, const K: usize, const D: usize, const ANY: bool, const N: usize> {
     pub lattice: &'a Lattice,
     pub pyramid: &'a Pyramid,
     pub range: [f64; 2],
     pub solver: P,
-    pub rays: &'a LaneRays,
-    pub hits: &'a mut LaneHits,
+    /// All with one growth of the tolerance.
+    pub rays: &'a [LaneRays],
+    /// As many as `rays`.
+    pub hits: &'a mut [LaneHits],
     pub counts: &'a mut SolveCounts,
 }
 
-/// Where each lane starts, in the surface's own terms.
-struct Start {
+/// Where some rays of a packet start, in the surface's own terms.
+struct Start<const L: usize> {
     /// Cell of the start: whole numbers.
-    cell: [[f32; LANES]; 2],
+    cell: [[f32; L]; 2],
     /// Offset within it, 0..1.
-    offset: [[f32; LANES]; 2],
+    offset: [[f32; L]; 2],
     /// Cells per t.
-    slope: [[f32; LANES]; 2],
+    slope: [[f32; L]; 2],
     /// Height (m), leading and trailing part.
-    height: [[f32; LANES]; 2],
+    height: [[f32; L]; 2],
     /// Height in steps of the pyramid.
-    step: [f32; LANES],
+    step: [f32; L],
     /// Steps per t.
-    rise: [f32; LANES],
+    rise: [f32; L],
     /// t of the start on the ray as given.
-    base: [f64; LANES],
+    base: [f64; L],
     /// Length of the walk, in t; negative for a ray that misses the surface's box.
-    length: [f32; LANES],
+    length: [f32; L],
     /// Tolerance at the start.
-    tolerance: [f32; LANES],
+    tolerance: [f32; L],
     /// Positive where the ray entered the box from outside.
-    entered: [f32; LANES],
+    entered: [f32; L],
 }
 
-impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Kernel for Walk<'_, P, K, D, ANY> {
+/// Fields of a waiting ray, each an array over the rays that meet the surface's box.
+const CELL: usize = 0;
+const OFFSET: usize = 2;
+const SLOPE: usize = 4;
+const HEIGHT: usize = 6;
+const STEP: usize = 8;
+const RISE: usize = 9;
+const LENGTH: usize = 10;
+const TOLERANCE: usize = 11;
+const ENTERED: usize = 12;
+const VERTICAL: usize = 13;
+const RAY: usize = 14;
+const FIELDS: usize = 15;
+
+/// Fields of a found hit.
+const AT: usize = 1;
+const PLACE: usize = 2;
+const PATCH: usize = 4;
+
+/// Rays that wait for a lane, and hits that wait to be written.
+struct Queue<const N: usize> {
+    waiting: [[f32; N]; FIELDS],
+    count: usize,
+    /// Place among the waiting, t, place in the patch, cell.
+    found: [[f32; N]; 6],
+    hits: usize,
+    /// Number of each waiting ray: packet and lane.
+    number: [usize; N],
+    /// t of its start on the ray as given.
+    base: [f64; N],
+}
+
+impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: usize> Kernel
+    for Walk<'_, P, K, D, ANY, N>
+{
     type Output = ();
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
-        let start = self.start();
-        for first in (0..LANES).step_by(S::LANES) {
-            let asked = simd.from_bits(u32::from(self.rays.active) >> first);
-            let lanes = asked & simd.le(simd.splat(0.0), simd.load(&start.length[first..]));
-            if simd.any(lanes) {
-                self.walk(simd, &start, first, lanes);
-            }
+        let mut queue = Queue {
+            waiting: [[0.0; N]; FIELDS],
+            count: 0,
+            found: [[0.0; N]; 6],
+            hits: 0,
+            number: [0; N],
+            base: [0.0; N],
+        };
+        for packet in 0..self.rays.len() {
+            self.enqueue(simd, packet, &mut queue);
+        }
+        if queue.count > 0 {
+            self.walk(simd, &mut queue);
+            self.record(simd, &queue);
         }
     }
 }
 
-impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P, K, D, ANY> {
+impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: usize> Walk<'_, P, K, D, ANY, N> {
+    /// Puts the rays of a packet that meet the surface's box in the queue.
+    #[inline(always)]
+    fn enqueue<S: Simd>(&self, s: S, packet: usize, queue: &mut Queue<N>) {
+        if S::LANES == 1 {
+            for lane in (0..LANES).filter(|lane| self.rays[packet].active >> lane & 1 == 1) {
+                self.enqueue_lanes::<S, 1>(s, packet, lane, queue);
+            }
+        } else {
+            self.enqueue_lanes::<S, LANES>(s, packet, 0, queue);
+        }
+    }
+
+    /// The lanes `from..from + L` of a packet; `L` is at least the width of the vectors.
+    #[inline(always)]
+    fn enqueue_lanes<S: Simd, const L: usize>(&self, s: S, packet: usize, from: usize, queue: &mut Queue<N>) {
+        let rays = &self.rays[packet];
+        let start = self.start::<L>(rays, from);
+        for first in (0..L).step_by(S::LANES) {
+            let asked = s.from_bits(u32::from(rays.active) >> (from + first));
+            let lanes = asked & s.le(s.splat(0.0), s.load(&start.length[first..]));
+            let count = queue.count;
+            for axis in 0..2 {
+                s.compress(s.load(&start.cell[axis][first..]), lanes, &mut queue.waiting[CELL + axis][count..]);
+                s.compress(s.load(&start.offset[axis][first..]), lanes, &mut queue.waiting[OFFSET + axis][count..]);
+                s.compress(s.load(&start.slope[axis][first..]), lanes, &mut queue.waiting[SLOPE + axis][count..]);
+                s.compress(s.load(&start.height[axis][first..]), lanes, &mut queue.waiting[HEIGHT + axis][count..]);
+            }
+            s.compress(s.load(&start.step[first..]), lanes, &mut queue.waiting[STEP][count..]);
+            s.compress(s.load(&start.rise[first..]), lanes, &mut queue.waiting[RISE][count..]);
+            s.compress(s.load(&start.length[first..]), lanes, &mut queue.waiting[LENGTH][count..]);
+            s.compress(s.load(&start.tolerance[first..]), lanes, &mut queue.waiting[TOLERANCE][count..]);
+            s.compress(s.load(&start.entered[first..]), lanes, &mut queue.waiting[ENTERED][count..]);
+            s.compress(s.load(&rays.direction[1][from + first..]), lanes, &mut queue.waiting[VERTICAL][count..]);
+            let mut bits = s.bits(lanes);
+            while bits != 0 {
+                let lane = bits.trailing_zeros() as usize;
+                queue.waiting[RAY][queue.count] = queue.count as f32;
+                queue.number[queue.count] = packet * LANES + from + first + lane;
+                queue.base[queue.count] = start.base[first + lane];
+                queue.count += 1;
+                bits &= bits - 1;
+            }
+        }
+    }
+
     /// Clips each ray to the surface's box and moves it there, in double precision. Loops over lanes, one plain
     /// expression each, that compilers turn into vectors.
     #[inline(always)]
-    fn start(&self) -> Start {
-        let (lattice, rays) = (self.lattice, self.rays);
+    fn start<const L: usize>(&self, rays: &LaneRays, from: usize) -> Start<L> {
+        let lattice = self.lattice;
         let inverse_width = [1.0 / lattice.width[0], 1.0 / lattice.width[1]];
-        let (mut near, mut far) = ([0.0; LANES], [0.0; LANES]);
-        let (mut origin, mut direction) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
-        for lane in 0..LANES {
-            near[lane] = f64::from(rays.tnear[lane]);
-            far[lane] = f64::from(rays.tfar[lane]);
-            origin[0][lane] = (f64::from(rays.origin[0][lane]) - lattice.corner[0]) * inverse_width[0];
-            origin[1][lane] = (f64::from(rays.origin[2][lane]) - lattice.corner[1]) * inverse_width[1];
-            origin[2][lane] = f64::from(rays.origin[1][lane]);
-            direction[0][lane] = f64::from(rays.direction[0][lane]) * inverse_width[0];
-            direction[1][lane] = f64::from(rays.direction[2][lane]) * inverse_width[1];
-            direction[2][lane] = f64::from(rays.direction[1][lane]);
+        let (mut near, mut far) = ([0.0; L], [0.0; L]);
+        let (mut origin, mut direction) = ([[0.0; L]; 3], [[0.0; L]; 3]);
+        for lane in 0..L {
+            near[lane] = f64::from(rays.tnear[from + lane]);
+            far[lane] = f64::from(rays.tfar[from + lane]);
+            origin[0][lane] = (f64::from(rays.origin[0][from + lane]) - lattice.corner[0]) * inverse_width[0];
+            origin[1][lane] = (f64::from(rays.origin[2][from + lane]) - lattice.corner[1]) * inverse_width[1];
+            origin[2][lane] = f64::from(rays.origin[1][from + lane]);
+            direction[0][lane] = f64::from(rays.direction[0][from + lane]) * inverse_width[0];
+            direction[1][lane] = f64::from(rays.direction[2][from + lane]) * inverse_width[1];
+            direction[2][lane] = f64::from(rays.direction[1][from + lane]);
         }
         let tnear = near;
         let low = [lattice.domain[0][0], lattice.domain[0][1], self.range[0]];
@@ -115,18 +206,18 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
             clip(&mut near, &mut far, &origin[axis], &direction[axis], [low[axis], high[axis]]);
         }
         let mut start = Start {
-            cell: [[0.0; LANES]; 2],
-            offset: [[0.0; LANES]; 2],
-            slope: [[0.0; LANES]; 2],
-            height: [[0.0; LANES]; 2],
-            step: [0.0; LANES],
-            rise: [0.0; LANES],
-            base: [0.0; LANES],
-            length: [0.0; LANES],
-            tolerance: [0.0; LANES],
-            entered: [0.0; LANES],
+            cell: [[0.0; L]; 2],
+            offset: [[0.0; L]; 2],
+            slope: [[0.0; L]; 2],
+            height: [[0.0; L]; 2],
+            step: [0.0; L],
+            rise: [0.0; L],
+            base: [0.0; L],
+            length: [0.0; L],
+            tolerance: [0.0; L],
+            entered: [0.0; L],
         };
-        for lane in 0..LANES {
+        for lane in 0..L {
             // Rounding of a slab's quotient: a few units in the last place, so that water at the very edge stays.
             let speed = direction[0][lane].abs() + direction[1][lane].abs() + f64::MIN_POSITIVE;
             let slack = 4.0 * f64::EPSILON * (near[lane].abs() + 1.0 / speed);
@@ -141,7 +232,7 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
         }
         for axis in 0..2 {
             let last = (lattice.cells[axis] - 1) as f64;
-            for lane in 0..LANES {
+            for lane in 0..L {
                 let at = origin[axis][lane] + start.base[lane] * direction[axis][lane];
                 let cell = at.floor();
                 let cell = if cell > 0.0 { cell } else { 0.0 };
@@ -152,30 +243,30 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
             }
         }
         let mut plumb = false;
-        for lane in 0..LANES {
+        for lane in 0..L {
             plumb |= (direction[0][lane] == 0.0) & (direction[1][lane] == 0.0) & (start.length[lane] >= 0.0);
         }
         if plumb {
-            self.settle_plumb(&mut start, &origin, &direction);
+            self.settle_plumb(rays.active >> from, &mut start, &origin, &direction);
         }
         let inverse_step = 1.0 / self.pyramid.step;
-        for lane in 0..LANES {
+        for lane in 0..L {
             let height = origin[2][lane] + start.base[lane] * direction[2][lane];
             let leading = height as f32;
             start.height[0][lane] = leading;
             start.height[1][lane] = (height - f64::from(leading)) as f32;
             start.step[lane] = ((height - self.pyramid.floor) * inverse_step) as f32;
             start.rise[lane] = (direction[2][lane] * inverse_step) as f32;
-            start.tolerance[lane] = rays.tolerance[lane] + rays.tolerance_growth * start.base[lane] as f32;
+            start.tolerance[lane] = rays.tolerance[from + lane] + rays.tolerance_growth * start.base[lane] as f32;
         }
         start
     }
 
     /// Plumb rays stay in one cell: on a border, in one that has a patch.
     #[cold]
-    fn settle_plumb(&self, start: &mut Start, origin: &[[f64; LANES]; 3], direction: &[[f64; LANES]; 3]) {
-        for lane in (0..LANES).filter(|&lane| direction[0][lane] == 0.0 && direction[1][lane] == 0.0) {
-            if start.length[lane] >= 0.0 && self.rays.active >> lane & 1 == 1 {
+    fn settle_plumb<const L: usize>(&self, active: u16, start: &mut Start<L>, origin: &[[f64; L]; 3], direction: &[[f64; L]; 3]) {
+        for lane in (0..L).filter(|&lane| direction[0][lane] == 0.0 && direction[1][lane] == 0.0) {
+            if start.length[lane] >= 0.0 && active >> lane & 1 == 1 {
                 let at = [origin[0][lane], origin[1][lane]];
                 let cell = self.lattice.closed_cell(at, [0, 1].map(|axis| start.cell[axis][lane] as usize));
                 for axis in 0..2 {
@@ -188,9 +279,9 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
         }
     }
 
-    /// Walks the lanes `first..first + S::LANES`.
+    /// Walks all rays of the queue.
     #[inline(always)]
-    fn walk<S: Simd>(&mut self, simd: S, start: &Start, first: usize, lanes: S::M) {
+    fn walk<S: Simd>(&mut self, simd: S, queue: &mut Queue<N>) {
         let s = simd;
         let (lattice, pyramid) = (self.lattice, self.pyramid);
         let (zero, one) = (s.splat(0.0), s.splat(1.0));
@@ -201,34 +292,66 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
         let sixteen = s.splat_int(16);
         let top_level = s.splat_int(pyramid.levels as i32 - 1);
         let last_cell = per_axis!(axis => s.splat_int(lattice.cells[axis] as i32 - 1));
+        let growth = s.splat(self.rays[0].tolerance_growth);
 
-        let base_cell = per_axis!(axis => s.floor_int(s.load(&start.cell[axis][first..])));
-        let offset = per_axis!(axis => s.load(&start.offset[axis][first..]));
-        let slope = per_axis!(axis => s.load(&start.slope[axis][first..]));
-        let step = s.load(&start.step[first..]);
-        let rise = s.load(&start.rise[first..]);
-        let end = s.load(&start.length[first..]);
-        let inverse_rise = one / rise;
-        // Steps forward cross the far border of a block, steps backward the near one.
-        let forward = per_axis!(axis => s.lt(zero, slope[axis]));
-        let still = per_axis!(axis => s.le(s.abs(slope[axis]), s.splat(f32::MIN_POSITIVE)));
-        let far_border = per_axis!(axis => s.select_int(forward[axis], int_one, int_zero));
-        let inverse = per_axis!(axis => one / slope[axis]);
-
-        let mut cell = base_cell;
-        let entered = s.lt(zero, s.load(&start.entered[first..]));
-        let level = s.select_int(entered, s.splat_int(ENTRY_LEVEL), s.splat_int(INSIDE_LEVEL));
-        let mut level = s.min_int(level, top_level);
+        let mut base_cell = [int_zero; 2];
+        let mut offset = [zero; 2];
+        let mut slope = [zero; 2];
+        let mut height = [zero; 2];
+        let (mut step, mut rise, mut end, mut tolerance, mut vertical, mut ray) = (zero, zero, zero, zero, zero, zero);
+        let mut inverse_rise = zero;
+        let mut forward = [s.from_bits(0); 2];
+        let mut still = [s.from_bits(0); 2];
+        let mut far_border = [int_zero; 2];
+        let mut inverse = [zero; 2];
+        let mut cell = [int_zero; 2];
+        let mut level = int_zero;
         let mut t = zero;
         let mut above = zero;
-        let mut active = lanes;
-        let mut hit = s.from_bits(0);
-        let mut gave_up = s.from_bits(0);
-        let mut found_t = zero;
-        let mut found = [zero; 2];
-        let mut found_cell = cell;
+        let mut active = s.from_bits(0);
+        let mut next = 0;
 
         loop {
+            // Lanes that are done take the next rays.
+            let idle = s.bits(!active) & ((1u64 << S::LANES) - 1) as u32;
+            let left = (queue.count - next) as u32;
+            if left > 0 && (idle.count_ones() >= REFILL.min(left) || s.none(active)) {
+                let mut taken = idle;
+                while taken.count_ones() > left {
+                    taken &= taken - 1;
+                }
+                let fresh = s.from_bits(taken);
+                for axis in 0..2 {
+                    let start = s.expand(&queue.waiting[CELL + axis][next..], fresh, zero);
+                    base_cell[axis] = s.select_int(fresh, s.floor_int(start), base_cell[axis]);
+                    cell[axis] = s.select_int(fresh, base_cell[axis], cell[axis]);
+                    offset[axis] = s.expand(&queue.waiting[OFFSET + axis][next..], fresh, offset[axis]);
+                    slope[axis] = s.expand(&queue.waiting[SLOPE + axis][next..], fresh, slope[axis]);
+                    height[axis] = s.expand(&queue.waiting[HEIGHT + axis][next..], fresh, height[axis]);
+                    // Steps forward cross the far border of a block, steps backward the near one.
+                    forward[axis] = s.lt(zero, slope[axis]);
+                    still[axis] = s.le(s.abs(slope[axis]), s.splat(f32::MIN_POSITIVE));
+                    far_border[axis] = s.select_int(forward[axis], int_one, int_zero);
+                    inverse[axis] = one / slope[axis];
+                }
+                step = s.expand(&queue.waiting[STEP][next..], fresh, step);
+                rise = s.expand(&queue.waiting[RISE][next..], fresh, rise);
+                end = s.expand(&queue.waiting[LENGTH][next..], fresh, end);
+                tolerance = s.expand(&queue.waiting[TOLERANCE][next..], fresh, tolerance);
+                vertical = s.expand(&queue.waiting[VERTICAL][next..], fresh, vertical);
+                ray = s.expand(&queue.waiting[RAY][next..], fresh, ray);
+                inverse_rise = one / rise;
+                let entered = s.lt(zero, s.expand(&queue.waiting[ENTERED][next..], fresh, zero));
+                let first = s.select_int(entered, s.splat_int(ENTRY_LEVEL), s.splat_int(INSIDE_LEVEL));
+                level = s.select_int(fresh, s.min_int(first, top_level), level);
+                t = s.select(fresh, zero, t);
+                above = s.select(fresh, zero, above);
+                active = active | fresh;
+                next += taken.count_ones() as usize;
+            }
+            if s.none(active) {
+                break;
+            }
             // Skip and descend until enough lanes stand at a patch.
             let mut waiting = s.from_bits(0);
             let mut leave = t;
@@ -292,12 +415,13 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
                 leave = s.select(arrives, to, leave);
                 crosses_x = (crosses_x & !arrives) | (x_first & arrives);
                 let count = s.bits(waiting).count_ones();
-                if count * 3 > s.bits(active).count_ones() * 2 {
+                let walking = s.bits(active).count_ones();
+                if count * 3 > walking * 2 || (next < queue.count && walking + REFILL <= S::LANES as u32) {
                     break;
                 }
             }
             if s.none(waiting) {
-                break;
+                continue;
             }
 
             // Solve the patches that lanes stand at.
@@ -313,14 +437,10 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
             let cells = per_axis!(axis => s.to_float(base_cell[axis] - cell[axis]));
             let from = per_axis!(axis => s.fma_exact(t, slope[axis], cells[axis]) + offset[axis]);
             let to = per_axis!(axis => s.fma_exact(leave, slope[axis], cells[axis]) + offset[axis]);
-            let vertical = s.load(&self.rays.direction[1][first..]);
-            let leading = s.load(&start.height[0][first..]);
-            let trailing = s.load(&start.height[1][first..]);
             let heights = [
-                (s.fma_exact(t, vertical, leading) - reference) + trailing,
-                (s.fma_exact(leave, vertical, leading) - reference) + trailing,
+                (s.fma_exact(t, vertical, height[0]) - reference) + height[1],
+                (s.fma_exact(leave, vertical, height[0]) - reference) + height[1],
             ];
-            let growth = s.splat(self.rays.tolerance_growth);
             let segment = Segment {
                 window,
                 u: [from[0], to[0]],
@@ -328,22 +448,30 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
                 y: heights,
                 above,
                 length: leave - t,
-                tolerance: s.fma(growth, t, s.load(&start.tolerance[first..])),
+                tolerance: s.fma(growth, t, tolerance),
                 mask: waiting,
             };
             let answer = self.solver.solve::<S, K, D, ANY>(s, &segment, self.counts);
             let hits = answer.hit & waiting;
-            if !ANY {
-                found_t = s.select(hits, s.fma(answer.s, segment.length, t), found_t);
-                found[0] = s.select(hits, s.fma(answer.s, segment.u[1] - segment.u[0], segment.u[0]), found[0]);
-                found[1] = s.select(hits, s.fma(answer.s, segment.v[1] - segment.v[0], segment.v[0]), found[1]);
-                for axis in 0..2 {
-                    found_cell[axis] = s.select_int(hits, cell[axis], found_cell[axis]);
+            if s.any(hits) {
+                let count = queue.hits;
+                s.compress(ray, hits, &mut queue.found[0][count..]);
+                if !ANY {
+                    s.compress(s.fma(answer.s, segment.length, t), hits, &mut queue.found[AT][count..]);
+                    for axis in 0..2 {
+                        let ends = [segment.u, segment.v][axis];
+                        let place = s.fma(answer.s, ends[1] - ends[0], ends[0]);
+                        s.compress(place, hits, &mut queue.found[PLACE + axis][count..]);
+                        s.compress(s.to_float(cell[axis]), hits, &mut queue.found[PATCH + axis][count..]);
+                    }
                 }
+                queue.hits += s.bits(hits).count_ones() as usize;
             }
-            hit = hit | hits;
-            gave_up = gave_up | (answer.gave_up & waiting);
-            active = active & !hits & !(answer.gave_up & waiting);
+            let doubtful = answer.gave_up & waiting;
+            if s.any(doubtful) {
+                self.doubt(s, queue, ray, doubtful);
+            }
+            active = active & !hits & !doubtful;
 
             // On to the next patch.
             let missed = waiting & active;
@@ -361,16 +489,19 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
             t = s.select(missed, leave, t);
             active = active & !(missed & (s.le(end, leave) | self.outside(s, &cell, &last_cell)));
         }
+    }
 
-        let hits = s.bits(hit);
-        self.hits.hit |= (hits << first) as u16;
-        let doubtful = s.bits(gave_up);
-        self.hits.gave_up |= (doubtful << first) as u16;
-        self.counts.gave_up += u64::from(doubtful.count_ones());
-        if ANY || hits == 0 {
-            return;
+    /// Notes the rays for which the solver gave up.
+    #[cold]
+    fn doubt<S: Simd>(&mut self, s: S, queue: &Queue<N>, ray: S::F, doubtful: S::M) {
+        let mut rays = [0.0; LANES];
+        s.store(ray, &mut rays);
+        let doubtful = s.bits(doubtful);
+        for lane in (0..S::LANES).filter(|lane| doubtful >> lane & 1 == 1) {
+            let ray = queue.number[rays[lane] as usize];
+            self.hits[ray / LANES].gave_up |= 1 << (ray % LANES);
+            self.counts.gave_up += 1;
         }
-        self.record(s, start, first, hits, found_t, found, found_cell);
     }
 
     /// Lanes whose cell lies outside the grid.
@@ -383,45 +514,49 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
             | s.gt_int(cell[1], last_cell[1])
     }
 
-    /// Writes the hits of lanes `first..first + S::LANES` as the packet's caller wants them.
+    /// Writes the hits as the packets' caller wants them.
     #[inline(always)]
-    fn record<S: Simd>(
-        &mut self,
-        s: S,
-        start: &Start,
-        first: usize,
-        hits: u32,
-        found_t: S::F,
-        found: [S::F; 2],
-        found_cell: [S::I; 2],
-    ) {
+    fn record<S: Simd>(&mut self, s: S, queue: &Queue<N>) {
+        if ANY {
+            for &ray in &queue.found[0][..queue.hits] {
+                let ray = queue.number[ray as usize];
+                self.hits[ray / LANES].hit |= 1 << (ray % LANES);
+            }
+            return;
+        }
         let (zero, one) = (s.splat(0.0), s.splat(1.0));
-        let [u, v] = per_axis!(axis => s.min(s.max(found[axis], zero), one));
-        let mask = s.from_bits(hits);
-        let corner = found_cell[1] * s.splat_int(self.lattice.stride as i32) + found_cell[0];
-        let window = s.gather_window::<K>(&self.lattice.heights, self.lattice.stride, corner, mask);
-        let (along_u, along_v) = slopes::<S, K>(s, &window, u, v);
-        let patch = found_cell[1] * s.splat_int(self.lattice.cells[0] as i32) + found_cell[0];
-        let mut t = [0.0f32; LANES];
-        let mut patches = [0i32; LANES];
-        let mut fields = [[0.0f32; LANES]; 4];
-        s.store(found_t, &mut t);
-        s.store_int(patch, &mut patches);
-        s.store(u, &mut fields[0]);
-        s.store(v, &mut fields[1]);
-        s.store(along_u * s.splat((-1.0 / self.lattice.width[0]) as f32), &mut fields[2]);
-        s.store(along_v * s.splat((-1.0 / self.lattice.width[1]) as f32), &mut fields[3]);
-        for lane in 0..S::LANES {
-            if hits >> lane & 1 == 1 {
-                let to = first + lane;
-                let far = f64::from(self.rays.tfar[to]);
-                self.hits.t[to] = (start.base[to] + f64::from(t[lane])).min(far) as f32;
-                self.hits.primitive[to] = patches[lane] as u32;
-                self.hits.u[to] = fields[0][lane];
-                self.hits.v[to] = fields[1][lane];
-                self.hits.normal[0][to] = fields[2][lane];
-                self.hits.normal[1][to] = 1.0;
-                self.hits.normal[2][to] = fields[3][lane];
+        for first in (0..queue.hits).step_by(S::LANES) {
+            let count = S::LANES.min(queue.hits - first);
+            let mask = s.from_bits(((1u64 << count) - 1) as u32);
+            let [u, v] = per_axis!(axis => {
+                s.min(s.max(s.expand(&queue.found[PLACE + axis][first..], mask, zero), zero), one)
+            });
+            let cell = per_axis!(axis => s.floor_int(s.expand(&queue.found[PATCH + axis][first..], mask, zero)));
+            let corner = cell[1] * s.splat_int(self.lattice.stride as i32) + cell[0];
+            let window = s.gather_window::<K>(&self.lattice.heights, self.lattice.stride, corner, mask);
+            let (along_u, along_v) = slopes::<S, K>(s, &window, u, v);
+            let patch = cell[1] * s.splat_int(self.lattice.cells[0] as i32) + cell[0];
+            let mut patches = [0i32; LANES];
+            let mut fields = [[0.0f32; LANES]; 4];
+            s.store_int(patch, &mut patches);
+            s.store(u, &mut fields[0]);
+            s.store(v, &mut fields[1]);
+            s.store(along_u * s.splat((-1.0 / self.lattice.width[0]) as f32), &mut fields[2]);
+            s.store(along_v * s.splat((-1.0 / self.lattice.width[1]) as f32), &mut fields[3]);
+            for lane in 0..count {
+                let waited = queue.found[0][first + lane] as usize;
+                let ray = queue.number[waited];
+                let (packet, to) = (ray / LANES, ray % LANES);
+                let far = f64::from(self.rays[packet].tfar[to]);
+                let hits = &mut self.hits[packet];
+                hits.hit |= 1 << to;
+                hits.t[to] = (queue.base[waited] + f64::from(queue.found[AT][first + lane])).min(far) as f32;
+                hits.primitive[to] = patches[lane] as u32;
+                hits.u[to] = fields[0][lane];
+                hits.v[to] = fields[1][lane];
+                hits.normal[0][to] = fields[2][lane];
+                hits.normal[1][to] = 1.0;
+                hits.normal[2][to] = fields[3][lane];
             }
         }
     }
@@ -429,14 +564,14 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool> Walk<'_, P
 
 /// Clips the intervals `near..far` of each lane to a slab; the border belongs to it.
 #[inline(always)]
-fn clip(
-    near: &mut [f64; LANES],
-    far: &mut [f64; LANES],
-    origin: &[f64; LANES],
-    direction: &[f64; LANES],
+fn clip<const L: usize>(
+    near: &mut [f64; L],
+    far: &mut [f64; L],
+    origin: &[f64; L],
+    direction: &[f64; L],
     [low, high]: [f64; 2],
 ) {
-    for lane in 0..LANES {
+    for lane in 0..L {
         let d = direction[lane];
         // A ray along the slab: its quotients are infinite and say inside or outside, but for one that lies in a border,
         // 0 * inf. That one is inside.
