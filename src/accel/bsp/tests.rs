@@ -232,7 +232,7 @@ fn scenes_that_are_hardly_one_are_held() {
             let brute = Brute::new(scene.clone());
             let mut rays = random_rays(500, 1);
             for x in [-1.0, -0.0, 0.0, 0.3, 1.0, 4.99] {
-                for direction in [Vec3::NEG_Y, Vec3::Y, Vec3::X, Vec3::new(0.0, -1.0, 1e-3)] {
+                for direction in [Vec3::NEG_Y, Vec3::Y, Vec3::X, Vec3::Z, Vec3::new(0.0, -1.0, 1e-3)] {
                     rays.push(Vec3::new(x, 0.5, 0.01) - 3.0 * direction, direction, 0.0, f32::INFINITY, 0.0);
                 }
             }
