@@ -306,6 +306,7 @@ fn presets() -> impl Iterator<Item = (&'static str, &'static str, &'static str)>
         .filter(move |&(_, water, objects)| takes("accel.water", water) && takes("accel.objects", objects))
 }
 
+/// The names of the presets.
 fn accelerators() -> PossibleValuesParser {
     PossibleValuesParser::new(presets().map(|preset| preset.0))
 }

@@ -608,7 +608,7 @@ pub struct Accel {
     /// the objects.
     #[schemars(range(min = 0, max = 60))]
     pub bsp_depth: Option<u32>,
-    /// A box with no more objects than this is not split, for the `bsp` kinds; by default 8, and for `bsp-sah` 2.
+    /// A box with no more objects than this is not split, for the `bsp` kinds; by default 8, and for `bsp-sah` 4.
     #[schemars(range(min = 1, max = 1000000))]
     pub bsp_leaf: Option<u32>,
 }

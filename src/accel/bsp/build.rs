@@ -9,8 +9,9 @@ use super::leaf::Leaves;
 use super::primitive::{Aabb, Objects};
 use super::{MOST_REFERENCES, Node, Rule};
 
-/// A step down costs this many tests of a primitive: measured on spheres, where trees of 0.7 to 3 are within a tenth.
-const STEP_COST: f32 = 1.0;
+/// A step down costs this many tests of a primitive. Tests come four at a time from one run of memory, where a step waits
+/// for its node: over 100,000 spheres 10 to 16 are fastest, 3 costs a tenth of that speed and 1 half.
+const STEP_COST: f32 = 10.0;
 /// A plane that leaves one side empty costs this much of what the heuristic says: rays through nothing are cheap, which
 /// their share of the surface understates.
 const EMPTY_SIDE: f32 = 0.8;

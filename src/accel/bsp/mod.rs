@@ -53,12 +53,12 @@ impl Plan {
     /// `depth` planes at most lie over a leaf; by default 20, where a million equal leaves hold the report's scenes many
     /// times over, and 8 + 1.3 log2 n by the heuristic, whose leaves differ in depth (Havran, Heuristic Ray Shooting
     /// Algorithms, 2000; the constants are Pharr, Jakob and Humphreys's). A box with at most `leaf` primitives is not
-    /// split; by default 8, two blocks of four, and 2 by the heuristic, which says by itself when a plane pays.
+    /// split; by default 8, and 4 by the heuristic, one block, which it would not split anyway.
     pub fn new(kind: ObjectsAccel, depth: Option<u32>, leaf: Option<u32>) -> Self {
         let (rule, depth, least) = match kind {
             ObjectsAccel::BspReport => (Rule::Report, depth.or(Some(20)), 8),
             ObjectsAccel::Bsp => (Rule::Middle, depth.or(Some(20)), 8),
-            _ => (Rule::Heuristic, depth, 2),
+            _ => (Rule::Heuristic, depth, 4),
         };
         Self { rule, depth, leaf: leaf.unwrap_or(least).max(1) }
     }
