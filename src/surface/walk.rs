@@ -115,7 +115,13 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
     type Output = ();
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
-        let mut queue = Queue { waiting: [[0.0; N]; FIELDS], count: 0, found: [[0.0; N]; 6], hits: 0, base: [0.0; N] };
+        let mut queue = Queue {
+            waiting: [[0.0; N]; FIELDS],
+            count: 0,
+            found: [[0.0; N]; 6],
+            hits: 0,
+            base: [0.0; N],
+        };
         for packet in 0..self.rays.len() {
             self.enqueue(simd, packet, &mut queue);
         }
