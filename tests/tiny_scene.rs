@@ -184,13 +184,16 @@ fn spray_is_drawn_as_spheres_discs_or_not_at_all() {
 }
 
 #[test]
-fn brute_force_agrees_with_embree() {
-    let (embree, brute) = (frame_0(&["--accel", "embree"]), frame_0(&["--accel", "brute"]));
-    assert!(embree.metadata.scene_hash != brute.metadata.scene_hash, "both must have run");
-    // Water is solved alike by both; spheres and triangles differ in the last bits of t. That may turn half's rounding
-    // (2^-11 of a pixel) and, rarely, one sample of an edge; quadrilaterals are a hundred times as far.
-    let difference = distance(&embree, &brute);
-    assert!(difference < 2e-4, "root mean square difference {difference}");
+fn every_accelerator_draws_the_same_picture_as_embree() {
+    let embree = frame_0(&["--accel", "embree"]);
+    for arguments in [["--accel", "brute"], ["--set", "accel.objects=bsp"], ["--set", "accel.objects=bsp-sah"]] {
+        let other = frame_0(&arguments);
+        assert!(embree.metadata.scene_hash != other.metadata.scene_hash, "both must have run");
+        // Water is solved alike by all; spheres and triangles differ in the last bits of t. That may turn half's rounding
+        // (2^-11 of a pixel) and, rarely, one sample of an edge; quadrilaterals are a hundred times as far.
+        let difference = distance(&embree, &other);
+        assert!(difference < 2e-4, "{arguments:?}: root mean square difference {difference}");
+    }
 }
 
 #[test]

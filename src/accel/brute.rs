@@ -37,7 +37,7 @@ impl Brute {
 }
 
 /// Whether ray `index` is one at all (see [`RayBatch`]).
-fn is_ray(rays: &RayBatch, index: usize) -> bool {
+pub(super) fn is_ray(rays: &RayBatch, index: usize) -> bool {
     let (tnear, tolerance) = (rays.tnear[index], rays.tolerance[index]);
     let interval = tnear >= 0.0 && tnear < rays.tfar[index];
     let direction = rays.direction(index);

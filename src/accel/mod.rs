@@ -4,6 +4,7 @@
 //! run time; whichever is chosen, the picture is the same.
 
 mod brute;
+pub mod bsp;
 pub mod embree;
 mod lanes;
 mod order;
@@ -14,12 +15,13 @@ mod testing;
 use std::sync::Arc;
 
 use brute::Brute;
+use bsp::{Bsp, Plan};
 pub use embree::EmbreeAccel;
 use pair::Pair;
 
 pub use crate::ffi::embree::EmbreeError;
 use crate::lower::{Discs, Lowered, Material, Part, Shape, Spheres, Triangles};
-use crate::scene::AccelKind;
+use crate::scene::{Accel, ObjectsAccel, WaterAccel};
 use crate::surface::{BruteSurface, LaneSurface, SolveCounts};
 
 /// No part was hit.
@@ -162,9 +164,9 @@ impl From<&Shape> for Geometry {
 }
 
 /// Geometry with its parts' indices. Brute force gets splines without their walk: every patch is asked.
-fn geometry_of(parts: &[Part], kind: AccelKind, chosen: impl Fn(&Part) -> bool) -> Vec<(u32, Geometry)> {
-    let geometry = |part: &Part| match (&part.shape, kind) {
-        (Shape::Surface(surface), AccelKind::Brute) => Geometry::Lanes(Arc::new(BruteSurface(Arc::clone(surface)))),
+fn geometry_of(parts: &[Part], water: WaterAccel, chosen: impl Fn(&Part) -> bool) -> Vec<(u32, Geometry)> {
+    let geometry = |part: &Part| match (&part.shape, water) {
+        (Shape::Surface(surface), WaterAccel::Brute) => Geometry::Lanes(Arc::new(BruteSurface(Arc::clone(surface)))),
         (shape, _) => shape.into(),
     };
     (0..).zip(parts).filter(|(_, part)| chosen(part)).map(|(index, part)| (index, geometry(part))).collect()
@@ -203,6 +205,20 @@ pub enum AccelError {
         vertex: u32,
         /// Vertices that there are.
         count: usize,
+    },
+    /// More primitives than an accelerator can number.
+    #[error("{count} objects, expected at most {most}")]
+    TooMany {
+        /// How many there are.
+        count: u64,
+        /// How many there may be.
+        most: u64,
+    },
+    /// A surface was given to an accelerator of objects.
+    #[error("part {part} is a surface, expected spheres, discs or triangles")]
+    Surface {
+        /// The part.
+        part: u32,
     },
     /// Arrays that belong together differ in length.
     #[error("part {part}: {count} {what}, expected one per centre, {expected}")]
@@ -267,33 +283,53 @@ pub trait Accelerator: Send + Sync {
     fn stats(&self) -> AccelStats;
 }
 
-/// Builds the accelerator that a scene names over all parts; a hit's part is the index in `lowered.parts`.
+/// Builds the accelerators that a scene names over all parts; a hit's part is the index in `lowered.parts`.
+///
+/// Where one accelerator serves both axes, it is built once over everything; where an axis has no parts, nothing is built
+/// for it.
 ///
 /// # Errors
-/// Embree is asked for and missing, or a part cannot be given to it.
-pub fn build(lowered: &Lowered, water: AccelKind, objects: AccelKind) -> Result<Box<dyn Accelerator>, AccelError> {
-    if water == objects {
-        return one(geometry_of(&lowered.parts, water, |_| true), water);
+/// Embree is asked for and missing, or a part cannot be given to an accelerator.
+pub fn build(lowered: &Lowered, settings: &Accel) -> Result<Box<dyn Accelerator>, AccelError> {
+    let all = |chosen: &dyn Fn(&Part) -> bool| geometry_of(&lowered.parts, settings.water, chosen);
+    match (settings.water, settings.objects) {
+        (WaterAccel::Embree, ObjectsAccel::Embree) => return embree(&all(&|_| true)),
+        (WaterAccel::Brute, ObjectsAccel::Brute) => return brute(all(&|_| true)),
+        _ => {}
     }
-    let water = one(geometry_of(&lowered.parts, water, on_water_axis), water)?;
-    let objects = one(geometry_of(&lowered.parts, objects, |part| !on_water_axis(part)), objects)?;
-    Ok(Box::new(Pair { water, objects }))
+    let (on_water, others) = (all(&on_water_axis), all(&|part| !on_water_axis(part)));
+    let water = |geometry: Vec<_>| match settings.water {
+        WaterAccel::Embree => embree(&geometry),
+        WaterAccel::Brute => brute(geometry),
+    };
+    let objects = |geometry: Vec<_>| match settings.objects {
+        ObjectsAccel::Embree => embree(&geometry),
+        ObjectsAccel::Brute => brute(geometry),
+        kind @ (ObjectsAccel::Bsp | ObjectsAccel::BspSah | ObjectsAccel::BspReport) => {
+            let plan = Plan::new(kind, settings.bsp_depth, settings.bsp_leaf);
+            Bsp::new(geometry, plan).map(|bsp| Box::new(bsp) as Box<dyn Accelerator>)
+        }
+    };
+    match (on_water.is_empty(), others.is_empty()) {
+        (false, true) => water(on_water),
+        (true, _) => objects(others),
+        _ => Ok(Box::new(Pair { water: water(on_water)?, objects: objects(others)? })),
+    }
+}
+
+fn embree(geometry: &[(u32, Geometry)]) -> Result<Box<dyn Accelerator>, AccelError> {
+    Ok(Box::new(EmbreeAccel::new(geometry)?))
+}
+
+fn brute(geometry: Vec<(u32, Geometry)>) -> Result<Box<dyn Accelerator>, AccelError> {
+    check(&geometry)?;
+    Ok(Box::new(Brute::new(geometry)))
 }
 
 /// `accel.water` serves the water, its sides and the bed, also where triangles stand in for the splines.
 fn on_water_axis(part: &Part) -> bool {
     matches!(part.shape, Shape::Surface(_) | Shape::Sides(_))
         || matches!(part.material, Material::Water | Material::Ground)
-}
-
-fn one(geometry: Vec<(u32, Geometry)>, kind: AccelKind) -> Result<Box<dyn Accelerator>, AccelError> {
-    Ok(match kind {
-        AccelKind::Embree => Box::new(EmbreeAccel::new(&geometry)?),
-        AccelKind::Brute => {
-            check(&geometry)?;
-            Box::new(Brute::new(geometry))
-        }
-    })
 }
 
 #[cfg(test)]
@@ -417,14 +453,18 @@ mod tests {
         for x in [-3.0, 0.0, 3.0] {
             rays.push(Vec3::new(x, 5.0, 0.0), Vec3::NEG_Y, 0.0, f32::INFINITY, 0.0);
         }
-        let (embree, brute) = (AccelKind::Embree, AccelKind::Brute);
+        use ObjectsAccel as Objects;
         for (water, objects, name) in [
-            (embree, embree, "embree"),
-            (brute, brute, "brute"),
-            (embree, brute, "embree + brute"),
-            (brute, embree, "brute + embree"),
+            (WaterAccel::Embree, Objects::Embree, "embree"),
+            (WaterAccel::Brute, Objects::Brute, "brute"),
+            (WaterAccel::Embree, Objects::Brute, "embree + brute"),
+            (WaterAccel::Brute, Objects::Embree, "brute + embree"),
+            (WaterAccel::Embree, Objects::Bsp, "embree + bsp"),
+            (WaterAccel::Brute, Objects::BspSah, "brute + bsp-sah"),
+            (WaterAccel::Brute, Objects::BspReport, "brute + bsp-report"),
         ] {
-            let accel = build(&lowered, water, objects).unwrap();
+            let settings = Accel { water, objects, ..Accel::default() };
+            let accel = build(&lowered, &settings).unwrap();
             assert_eq!(accel.stats().name, name);
             assert_eq!(trace(accel.as_ref(), &rays).0.part, [0, 1, 2], "{name}");
         }
@@ -445,8 +485,9 @@ mod tests {
             (Shape::Discs(Arc::new(discs)), "part 0: 0 normals, expected one per centre, 1"),
         ] {
             let lowered = Lowered { parts: vec![part(shape)], ..Lowered::default() };
-            for kind in [AccelKind::Embree, AccelKind::Brute] {
-                let error = build(&lowered, kind, kind).err().expect(expected).to_string();
+            for objects in ObjectsAccel::ALL {
+                let settings = Accel { water: WaterAccel::Brute, objects, ..Accel::default() };
+                let error = build(&lowered, &settings).err().expect(expected).to_string();
                 assert_eq!(error, expected);
             }
         }

@@ -129,7 +129,7 @@ pub struct RenderArgs {
     /// Instruction set
     #[arg(long, value_enum, default_value_t, value_name = "NAME")]
     pub simd: SimdChoice,
-    /// Accelerator of water and objects (accel.water and accel.objects)
+    /// Accelerators by preset: one name for both accel.water and accel.objects
     #[arg(long, value_name = "NAME", value_parser = accelerators())]
     pub accel: Option<String>,
     /// Ray/patch solver (surface.solver)
@@ -156,13 +156,14 @@ impl RenderArgs {
     /// Everything that is laid over the scene file, in order: `--set`, then the options that stand for keys.
     pub fn overrides(&self) -> Vec<Override> {
         let mut overrides = self.scene.set.clone();
-        let mut option = |option: &str, keys: &[&str], value: &Option<String>| {
-            let Some(value) = value else { return };
-            overrides.extend(keys.iter().map(|key| Override::by_option(option, *key, value)));
+        let mut option = |option: &str, key: &str, value: Option<&str>| {
+            overrides.extend(value.map(|value| Override::by_option(option, key, value)));
         };
-        option("--accel", &["accel.water", "accel.objects"], &self.accel);
-        option("--solver", &["surface.solver"], &self.solver);
-        option("--compression", &["output.compression"], &self.compression);
+        let pair = self.accel.as_deref().and_then(|name| presets().find(|preset| preset.0 == name));
+        option("--accel", "accel.water", pair.map(|preset| preset.1));
+        option("--accel", "accel.objects", pair.map(|preset| preset.2));
+        option("--solver", "surface.solver", self.solver.as_deref());
+        option("--compression", "output.compression", self.compression.as_deref());
         overrides.extend(self.accuracy.iter().flat_map(Accuracy::overrides));
         overrides
     }
@@ -333,10 +334,25 @@ fn names(key: &str) -> PossibleValuesParser {
     PossibleValuesParser::new(names_of(key).iter().map(String::as_str))
 }
 
-/// The names that both axes take.
+/// `--accel` by name, with what it sets: `accel.water` and `accel.objects`.
+const PRESETS: [(&str, &str, &str); 4] = [
+    ("embree", "embree", "embree"),
+    ("stream", "stream", "embree"),
+    ("report", "columns", "bsp-report"),
+    ("brute", "brute", "brute"),
+];
+
+/// The presets whose names both keys take.
+fn presets() -> impl Iterator<Item = (&'static str, &'static str, &'static str)> {
+    let takes = |key, name| names_of(key).iter().any(|known| known == name);
+    PRESETS
+        .into_iter()
+        .filter(move |&(_, water, objects)| takes("accel.water", water) && takes("accel.objects", objects))
+}
+
+/// The names of the presets.
 fn accelerators() -> PossibleValuesParser {
-    let objects = names_of("accel.objects");
-    PossibleValuesParser::new(names_of("accel.water").iter().filter(|name| objects.contains(name)).map(String::as_str))
+    PossibleValuesParser::new(presets().map(|preset| preset.0))
 }
 
 fn threads(text: &str) -> Result<NonZeroUsize, String> {
@@ -395,7 +411,7 @@ mod tests {
         let both = both.expect("a scene");
         assert_eq!(
             (both.scene.accel.water, both.scene.accel.objects),
-            (scene::AccelKind::Brute, scene::AccelKind::Brute)
+            (scene::WaterAccel::Brute, scene::ObjectsAccel::Brute)
         );
         assert_eq!(both.scene.surface.solver, scene::SolverKind::Newton);
         assert_eq!(both.scene.output.compression, scene::Compression::Piz);

@@ -146,7 +146,7 @@ mod tests {
         use crate::{
             accel::{self, HitBatch, NO_PART, RayBatch},
             lower::Lowered,
-            scene::{AccelKind, SolverKind},
+            scene::{Accel, SolverKind, WaterAccel},
             surface::{Lattice, SimdLevel, SolveCounts, SplineSurface},
         };
         // Columns of 5 cm, near the scene origin and two kilometres off.
@@ -161,7 +161,8 @@ mod tests {
                 parts: vec![Part { material: Material::Water, ..part(Shape::Surface(surface)) }],
                 ..Lowered::default()
             };
-            let accelerator = accel::build(&lowered, AccelKind::Brute, AccelKind::Brute).unwrap();
+            let settings = Accel { water: WaterAccel::Brute, ..Accel::default() };
+            let accelerator = accel::build(&lowered, &settings).unwrap();
             let (mut rays, mut hits, mut counts) = (RayBatch::default(), HitBatch::default(), SolveCounts::default());
             rays.tolerance_growth = 1e-5;
             for index in 0..4000_u32 {

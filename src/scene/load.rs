@@ -177,7 +177,7 @@ mod tests {
             "sun.elevation": 35.0, "sun.azimuth": 130.0, "sun.irradiance": 2.2,
             "render.width": 1280, "render.height": 720, "render.samples": 16, "render.integrator": "whitted",
             "render.seed": 0, "render.depth": 8,
-            "accel.water": "embree", "accel.objects": "embree",
+            "accel.water": "embree", "accel.objects": "embree", "accel.bsp_depth": null, "accel.bsp_leaf": null,
         });
         let scene = serde_json::to_value(good("", &[])).expect("JSON");
         for (key, value) in defaults.as_object().expect("an object") {
@@ -192,7 +192,7 @@ mod tests {
             ("water.fresnel", &["exact", "schlick"]),
             ("particles.representation", &["spheres"]),
             ("accel.water", &["embree", "brute"]),
-            ("accel.objects", &["embree", "brute"]),
+            ("accel.objects", &["embree", "bsp", "bsp-sah", "bsp-report", "brute"]),
         ] {
             for name in names {
                 let scene = serde_json::to_value(good("", &[&format!("{key}={name}")])).expect("JSON");

@@ -554,10 +554,10 @@ impl Default for Render {
     }
 }
 
-/// Accelerators by name.
+/// Accelerators of the water, its sides and the bed, by name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum AccelKind {
+pub enum WaterAccel {
     /// Embree 4.
     #[default]
     Embree,
@@ -565,14 +565,52 @@ pub enum AccelKind {
     Brute,
 }
 
+/// Accelerators of spray, meshes, panels and spheres, by name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ObjectsAccel {
+    /// Embree 4.
+    #[default]
+    Embree,
+    /// Boxes halved across their longest side; what a plane cuts is kept on both sides.
+    Bsp,
+    /// Planes where the surface-area heuristic finds them cheapest.
+    BspSah,
+    /// As `bsp`, but everything is kept only on its centre's side, as the report's section 3.2.1: rays may miss the rest.
+    BspReport,
+    /// Everything against everything.
+    Brute,
+}
+impl ObjectsAccel {
+    /// Every accelerator, for tests and benchmarks.
+    pub const ALL: [Self; 5] = [Self::Embree, Self::Bsp, Self::BspSah, Self::BspReport, Self::Brute];
+    /// The name a scene file uses.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Embree => "embree",
+            Self::Bsp => "bsp",
+            Self::BspSah => "bsp-sah",
+            Self::BspReport => "bsp-report",
+            Self::Brute => "brute",
+        }
+    }
+}
+
 /// `[accel]`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Accel {
     /// For the water, its sides and the bed.
-    pub water: AccelKind,
+    pub water: WaterAccel,
     /// For spray, meshes, panels and spheres.
-    pub objects: AccelKind,
+    pub objects: ObjectsAccel,
+    /// Most planes between the whole box and a leaf, for the `bsp` kinds; by default 20, and for `bsp-sah` 8 + 1.3 log2 of
+    /// the objects.
+    #[schemars(range(min = 0, max = 60))]
+    pub bsp_depth: Option<u32>,
+    /// A box with no more objects than this is not split, for the `bsp` kinds; by default 8, and for `bsp-sah` 4.
+    #[schemars(range(min = 1, max = 1000000))]
+    pub bsp_leaf: Option<u32>,
 }
 
 /// Who writes EXR files.

@@ -13,7 +13,7 @@ use crate::{
     lower::{Lowered, Material, Part, Shape, Spheres, Triangles},
     optics::Sky,
     output::Picture,
-    scene::{AccelKind, Scene, SkyKind},
+    scene::{Accel, ObjectsAccel, Scene, SkyKind, WaterAccel},
 };
 
 /// One albedo, one particle look, level water over a level bed.
@@ -113,7 +113,8 @@ impl Setup {
     }
 
     pub(super) fn accelerator(&self) -> Box<dyn Accelerator> {
-        accel::build(&self.lowered, AccelKind::Brute, AccelKind::Brute).unwrap()
+        let settings = Accel { water: WaterAccel::Brute, objects: ObjectsAccel::Brute, ..Accel::default() };
+        accel::build(&self.lowered, &settings).unwrap()
     }
 
     pub(super) fn render(&self) -> (Picture, RenderStats) {
