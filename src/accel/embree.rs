@@ -1,21 +1,21 @@
 //! Embree behind the seam: parts become geometry whose identity is the part's index, batches become packets of 16.
 //!
 //! Packets always go through rtcIntersect16/rtcOccluded16 (8 or 4 wide on narrower processors), the last one masked, so
-//! that a ray's bits do not depend on how many rays came with it. Spheres are Embree's own
+//! that a ray's bits do not depend on how many rays came with it. Where a packet reaches a surface's box, the callback
+//! notes it, and the surface is asked once for a block of packets (see `block`): its solver's lanes are then refilled, and
+//! objects already found end the rays. Spheres are Embree's own
 //! points (front hit, else the back one); discs are its oriented ones.
 
 use std::sync::Arc;
 use std::time::Instant;
 
-use glam::Vec3;
-
+use super::block::{BLOCK, Block};
 use super::lanes::{IDENTITY, LaneGeometry, LanePayload};
-use super::order::Slab;
 use super::{AccelError, AccelStats, Accelerator, Geometry, HitBatch, NO_PART, RayBatch, count_primitives};
 use crate::ffi::embree::{
     CommittedScene, Device, INVALID_GEOMETRY, Ray, Ray16, RayHit, RayHit16, SceneBuilder, Valid16,
 };
-use crate::surface::{LANES, SolveCounts};
+use crate::surface::{LANES, LaneRays, LaneSurface, SolveCounts};
 
 // A miss needs no translation.
 const _: () = assert!(NO_PART == INVALID_GEOMETRY);
@@ -25,9 +25,8 @@ pub struct EmbreeAccel {
     scene: CommittedScene<LanePayload>,
     device: Device,
     build_seconds: f64,
-    surface_bytes: u64,
-    /// The surfaces' common slab, if there are any: rays over it are ordered by their run.
-    slab: Option<Slab>,
+    /// The surfaces, in the order in which callbacks number them.
+    surfaces: Vec<(u32, Arc<dyn LaneSurface>)>,
     primitives: Vec<(String, u64)>,
 }
 
@@ -53,15 +52,13 @@ impl EmbreeAccel {
         super::check(geometry)?;
         let device = Device::new(threads, settings)?;
         let mut builder = SceneBuilder::new(&device)?;
-        let mut surface_bytes = 0;
-        let mut corners: Option<[Vec3; 2]> = None;
+        let mut surfaces = Vec::new();
         for (part, geometry) in geometry {
             match geometry {
                 Geometry::Lanes(surface) => {
-                    surface_bytes += surface.bytes();
-                    let [low, high] = surface.bounds();
-                    corners = Some(corners.map_or([low, high], |[l, h]| [l.min(low), h.max(high)]));
-                    builder.user(*part, Arc::new(LaneGeometry(Arc::clone(surface))))?;
+                    let number = surfaces.len();
+                    surfaces.push((*part, Arc::clone(surface)));
+                    builder.user(*part, Arc::new(LaneGeometry { number, surface: Arc::clone(surface) }))?;
                 }
                 Geometry::Spheres(spheres) => builder.spheres(*part, &spheres.center, &spheres.radius)?,
                 Geometry::Discs(discs) => builder.discs(*part, &discs.center, &discs.radius, &discs.normal)?,
@@ -69,23 +66,22 @@ impl EmbreeAccel {
             }
         }
         let scene = builder.commit()?;
-        let slab = corners.and_then(|[low, high]| Slab::new(low, high));
         let primitives = count_primitives(geometry);
-        Ok(Self { scene, device, build_seconds: start.elapsed().as_secs_f64(), surface_bytes, slab, primitives })
+        Ok(Self { scene, device, build_seconds: start.elapsed().as_secs_f64(), surfaces, primitives })
     }
 
     /// As [`Accelerator::closest`], but one ray at a time through rtcIntersect1: the baseline of benchmarks, not for
     /// pictures (spheres differ from packets in the last bits).
     pub fn closest_single(&self, rays: &RayBatch, hits: &mut HitBatch, counts: &mut SolveCounts) {
         hits.reset(rays.len());
-        let mut payload = LanePayload { tolerance_growth: rays.tolerance_growth, ..LanePayload::EMPTY };
-        let mut packet = Packet::EMPTY;
+        let mut payload = LanePayload { tolerance_growth: rays.tolerance_growth, ..LanePayload::SOLVING };
+        let mut block = Box::new(Block::EMPTY);
         for index in 0..rays.len() {
-            if index % LANES == 0 {
-                packet.load(rays, None, index);
+            let within = index % (BLOCK * LANES);
+            if within == 0 {
+                block.load(rays, index);
             }
-            let lane = index % LANES;
-            if packet.valid.0[lane] == 0 {
+            if block.packets[within / LANES].active >> (within % LANES) & 1 == 0 {
                 continue;
             }
             payload.tolerance[0] = rays.tolerance[index];
@@ -118,7 +114,7 @@ impl EmbreeAccel {
     pub fn occluded_single(&self, rays: &RayBatch, occluded: &mut Vec<bool>, counts: &mut SolveCounts) {
         occluded.clear();
         occluded.resize(rays.len(), false);
-        let mut payload = LanePayload { tolerance_growth: rays.tolerance_growth, ..LanePayload::EMPTY };
+        let mut payload = LanePayload { tolerance_growth: rays.tolerance_growth, ..LanePayload::SOLVING };
         for (index, occluded) in occluded.iter_mut().enumerate() {
             payload.tolerance[0] = rays.tolerance[index];
             let mut ray = Ray::default();
@@ -137,15 +133,12 @@ impl EmbreeAccel {
 /// Sixteen rays on their way into Embree.
 struct Packet {
     valid: Valid16,
-    any: bool,
     ray: Ray16,
-    tolerance: [f32; LANES],
 }
 
 impl Packet {
     const EMPTY: Self = Self {
         valid: Valid16([0; LANES]),
-        any: false,
         ray: Ray16 {
             org_x: [0.0; LANES],
             org_y: [0.0; LANES],
@@ -160,82 +153,52 @@ impl Packet {
             id: IDENTITY,
             flags: [0; LANES],
         },
-        tolerance: [0.0; LANES],
     };
 
-    /// Takes the rays from `start` on, in the order given if there is one. Lanes behind the batch's end, and rays that
-    /// are no rays (see [`RayBatch`]), stay out.
-    fn load(&mut self, rays: &RayBatch, order: Option<&[u32]>, start: usize) {
+    /// Takes a packet's rays; lanes that are not active stay out.
+    fn load(&mut self, rays: &LaneRays) {
         let ray = &mut self.ray;
-        ray.org_x = sixteen(&rays.origin[0], order, start);
-        ray.org_y = sixteen(&rays.origin[1], order, start);
-        ray.org_z = sixteen(&rays.origin[2], order, start);
-        ray.dir_x = sixteen(&rays.direction[0], order, start);
-        ray.dir_y = sixteen(&rays.direction[1], order, start);
-        ray.dir_z = sixteen(&rays.direction[2], order, start);
-        ray.tnear = sixteen(&rays.tnear, order, start);
-        ray.tfar = sixteen(&rays.tfar, order, start);
-        self.tolerance = sixteen(&rays.tolerance, order, start);
-        let mut any = 0;
+        [ray.org_x, ray.org_y, ray.org_z] = rays.origin;
+        [ray.dir_x, ray.dir_y, ray.dir_z] = rays.direction;
+        ray.tnear = rays.tnear;
+        ray.tfar = rays.tfar;
         for lane in 0..LANES {
-            // Bitwise, without branches, so that the compiler keeps it in vectors. Lanes behind the end have a zero
-            // direction from `sixteen`.
-            let finite = (ray.org_x[lane].abs() < f32::INFINITY)
-                & (ray.org_y[lane].abs() < f32::INFINITY)
-                & (ray.org_z[lane].abs() < f32::INFINITY)
-                & (ray.dir_x[lane].abs() < f32::INFINITY)
-                & (ray.dir_y[lane].abs() < f32::INFINITY)
-                & (ray.dir_z[lane].abs() < f32::INFINITY);
-            let somewhere = (ray.dir_x[lane] != 0.0) | (ray.dir_y[lane] != 0.0) | (ray.dir_z[lane] != 0.0);
-            let interval = (ray.tnear[lane] >= 0.0)
-                & (ray.tnear[lane] < ray.tfar[lane])
-                & (self.tolerance[lane] >= 0.0)
-                & (self.tolerance[lane] < f32::INFINITY);
-            self.valid.0[lane] = -i32::from(finite & somewhere & interval);
-            any |= self.valid.0[lane];
+            self.valid.0[lane] = -i32::from(rays.active >> lane & 1);
         }
-        self.any = any != 0;
     }
 }
 
-/// Sixteen values from `start` on, in the order given if there is one; zero behind the end.
+/// As many of the sixteen as there are places.
 #[inline]
-fn sixteen(values: &[f32], order: Option<&[u32]>, start: usize) -> [f32; LANES] {
-    let mut out = [0.0; LANES];
-    match order {
-        Some(order) => {
-            for (out, &ray) in out.iter_mut().zip(&order[start..]) {
-                *out = values[ray as usize];
-            }
-        }
+fn store<T: Copy>(to: &mut [T], start: usize, from: &[T; LANES]) {
+    let rest = &mut to[start..];
+    match rest.first_chunk_mut() {
+        Some(all) => *all = *from,
         None => {
-            let rest = &values[start..];
-            match rest.first_chunk() {
-                Some(all) => return *all,
-                None => out[..rest.len()].copy_from_slice(rest),
-            }
+            let count = rest.len();
+            rest.copy_from_slice(&from[..count]);
         }
     }
-    out
 }
 
-/// The other way: as many of the sixteen as there are places.
-#[inline]
-fn store<T: Copy>(to: &mut [T], order: Option<&[u32]>, start: usize, from: &[T; LANES]) {
-    match order {
-        Some(order) => {
-            for (&value, &ray) in from.iter().zip(&order[start..]) {
-                to[ray as usize] = value;
+impl EmbreeAccel {
+    /// Asks each surface for the lanes whose packets have reached its box; `ask` gets the surface's number and the block
+    /// with those lanes active, which it may make fewer.
+    fn surfaces(&self, block: &mut Block, reached: &[Vec<u16>], mut ask: impl FnMut(usize, &mut Block)) {
+        let mut open = [u16::MAX; BLOCK];
+        for number in 0..self.surfaces.len() {
+            let mut any = 0;
+            for (packet, (reached, open)) in block.packets.iter_mut().zip(reached.iter().zip(open)) {
+                packet.active = reached[number] & open;
+                any |= packet.active;
             }
-        }
-        None => {
-            let rest = &mut to[start..];
-            match rest.first_chunk_mut() {
-                Some(all) => *all = *from,
-                None => {
-                    let count = rest.len();
-                    rest.copy_from_slice(&from[..count]);
-                }
+            if any == 0 {
+                continue;
+            }
+            let before: [u16; BLOCK] = std::array::from_fn(|packet| block.packets[packet].active);
+            ask(number, block);
+            for packet in 0..block.used {
+                open[packet] &= !(before[packet] & !block.packets[packet].active);
             }
         }
     }
@@ -243,68 +206,82 @@ fn store<T: Copy>(to: &mut [T], order: Option<&[u32]>, start: usize, from: &[T; 
 
 impl Accelerator for EmbreeAccel {
     fn closest(&self, rays: &RayBatch, hits: &mut HitBatch, counts: &mut SolveCounts) {
-        let count = rays.len();
-        hits.resize(count);
-        let mut payload = LanePayload { tolerance_growth: rays.tolerance_growth, ..LanePayload::EMPTY };
-        let mut packet = Packet::EMPTY;
-        let order = self.slab.and_then(|slab| slab.order(rays));
-        let order = order.as_deref();
-        for start in (0..count).step_by(LANES) {
-            packet.load(rays, order, start);
-            // Zeros where Embree writes nothing; "no geometry" is what tells a miss.
-            let mut found = RayHit16 { ray: packet.ray, ..RayHit16::default() };
-            found.hit.geomID = [INVALID_GEOMETRY; LANES];
-            payload.gave_up = 0;
-            if packet.any {
-                payload.tolerance = packet.tolerance;
-                self.scene.intersect16(&packet.valid, &mut found, &mut payload);
+        hits.resize(rays.len());
+        let mut query = LanePayload::deferring(self.surfaces.len());
+        let mut reached = vec![vec![0; self.surfaces.len()]; BLOCK];
+        let (mut packet, mut block) = (Packet::EMPTY, Box::new(Block::EMPTY));
+        for start in Block::starts(rays.len()) {
+            block.load(rays, start);
+            for (index, start) in (0..block.used).zip((start..).step_by(LANES)) {
+                packet.load(&block.packets[index]);
+                // Zeros where Embree writes nothing; "no geometry" is what tells a miss.
+                let mut found = RayHit16 { ray: packet.ray, ..RayHit16::default() };
+                found.hit.geomID = [INVALID_GEOMETRY; LANES];
+                query.reached.fill(0);
+                if block.packets[index].active != 0 {
+                    self.scene.intersect16(&packet.valid, &mut found, &mut query);
+                }
+                reached[index].copy_from_slice(&query.reached);
+                let hit = &found.hit;
+                let mut t = found.ray.tfar;
+                for lane in 0..LANES {
+                    t[lane] = if hit.geomID[lane] == INVALID_GEOMETRY { f32::INFINITY } else { t[lane] };
+                }
+                block.packets[index].tfar = found.ray.tfar;
+                store(&mut hits.t, start, &t);
+                store(&mut hits.part, start, &hit.geomID);
+                store(&mut hits.primitive, start, &hit.primID);
+                store(&mut hits.u, start, &hit.u);
+                store(&mut hits.v, start, &hit.v);
+                store(&mut hits.normal[0], start, &hit.Ng_x);
+                store(&mut hits.normal[1], start, &hit.Ng_y);
+                store(&mut hits.normal[2], start, &hit.Ng_z);
+                store(&mut hits.gave_up, start, &[false; LANES]);
             }
-            let hit = &found.hit;
-            let mut t = found.ray.tfar;
-            for lane in 0..LANES {
-                t[lane] = if hit.geomID[lane] == INVALID_GEOMETRY { f32::INFINITY } else { t[lane] };
-            }
-            store(&mut hits.t, order, start, &t);
-            store(&mut hits.part, order, start, &hit.geomID);
-            store(&mut hits.primitive, order, start, &hit.primID);
-            store(&mut hits.u, order, start, &hit.u);
-            store(&mut hits.v, order, start, &hit.v);
-            store(&mut hits.normal[0], order, start, &hit.Ng_x);
-            store(&mut hits.normal[1], order, start, &hit.Ng_y);
-            store(&mut hits.normal[2], order, start, &hit.Ng_z);
-            let gave_up = payload.gave_up;
-            store(&mut hits.gave_up, order, start, &std::array::from_fn(|lane| gave_up >> lane & 1 != 0));
+            self.surfaces(&mut block, &reached, |number, block| {
+                let (part, surface) = &self.surfaces[number];
+                block.closest(*part, surface.as_ref(), hits, counts);
+            });
         }
-        *counts += payload.counts;
     }
 
     fn occluded(&self, rays: &RayBatch, occluded: &mut Vec<bool>, counts: &mut SolveCounts) {
-        let count = rays.len();
-        occluded.resize(count, false);
-        let mut payload = LanePayload { tolerance_growth: rays.tolerance_growth, ..LanePayload::EMPTY };
-        let mut packet = Packet::EMPTY;
-        let order = self.slab.and_then(|slab| slab.order(rays));
-        let order = order.as_deref();
-        for start in (0..count).step_by(LANES) {
-            packet.load(rays, order, start);
-            let mut asked = packet.ray;
-            if packet.any {
-                payload.tolerance = packet.tolerance;
-                self.scene.occluded16(&packet.valid, &mut asked, &mut payload);
+        occluded.resize(rays.len(), false);
+        let mut query = LanePayload::deferring(self.surfaces.len());
+        let mut reached = vec![vec![0; self.surfaces.len()]; BLOCK];
+        let (mut packet, mut block) = (Packet::EMPTY, Box::new(Block::EMPTY));
+        for start in Block::starts(rays.len()) {
+            block.load(rays, start);
+            for (index, start) in (0..block.used).zip((start..).step_by(LANES)) {
+                let active = block.packets[index].active;
+                packet.load(&block.packets[index]);
+                let mut asked = packet.ray;
+                query.reached.fill(0);
+                if active != 0 {
+                    self.scene.occluded16(&packet.valid, &mut asked, &mut query);
+                }
+                // A lane that did not ask may have come with a tfar of -inf.
+                let mut hit = [false; LANES];
+                for lane in 0..LANES {
+                    hit[lane] = (asked.tfar[lane] == f32::NEG_INFINITY) & (active >> lane & 1 == 1);
+                }
+                let open = (0..LANES).fold(0, |open, lane| open | u16::from(!hit[lane]) << lane);
+                for (to, from) in reached[index].iter_mut().zip(&query.reached) {
+                    *to = from & open;
+                }
+                store(occluded, start, &hit);
             }
-            // A lane that did not ask may have come with a tfar of -inf.
-            let valid = &packet.valid.0;
-            let hit = std::array::from_fn(|lane| (asked.tfar[lane] == f32::NEG_INFINITY) & (valid[lane] != 0));
-            store(occluded, order, start, &hit);
+            self.surfaces(&mut block, &reached, |number, block| {
+                block.occluded(self.surfaces[number].1.as_ref(), occluded, counts);
+            });
         }
-        *counts += payload.counts;
     }
 
     fn stats(&self) -> AccelStats {
         AccelStats {
             name: "embree".to_owned(),
             build_seconds: self.build_seconds,
-            bytes: self.device.memory() + self.surface_bytes,
+            bytes: self.device.memory() + self.surfaces.iter().map(|(_, surface)| surface.bytes()).sum::<u64>(),
             primitives: self.primitives.clone(),
         }
     }

@@ -1,15 +1,19 @@
-//! A surface that answers sixteen lanes, as user geometry of Embree.
+//! A surface as user geometry of Embree.
 //!
-//! This is the hot seam: for a whole packet it is a handful of fixed-size copies each way. Embree may also ask with fewer
-//! lanes (narrower machines, single rays); a ray's `id` then says which of the query's lanes it is.
+//! Embree's tree finds out who reaches the surface's box. For batches the callback only notes them, and the surface is asked
+//! for many packets at once; for a query of its own ray it solves. Embree may ask with fewer lanes than the query has
+//! (narrower machines, single rays); a ray's `id` says which of the query's lanes it is.
 
 use std::sync::Arc;
 
 use crate::ffi::embree::{PacketGeometry, PacketHits, PacketRays};
-use crate::surface::{LANES, LaneHits, LaneRays, LaneSurface, SolveCounts};
+use crate::surface::{LANES, LaneSurface, SingleAnswer, SingleRay, SolveCounts};
 
 /// What a query carries to surfaces and back; lanes are numbered by ray id.
 pub(super) struct LanePayload {
+    /// Bit per lane that has reached a surface's box, for each surface. Where there are as many as surfaces, that is all
+    /// that callbacks note; where there are none, they solve.
+    pub(super) reached: Vec<u16>,
     /// Tolerance of each lane, in t.
     pub(super) tolerance: [f32; LANES],
     /// Growth of the tolerance per unit of t.
@@ -21,71 +25,52 @@ pub(super) struct LanePayload {
 }
 
 impl LanePayload {
-    pub(super) const EMPTY: Self = Self {
+    /// Callbacks solve at once.
+    pub(super) const SOLVING: Self = Self {
+        reached: Vec::new(),
         tolerance: [0.0; LANES],
         tolerance_growth: 0.0,
         counts: SolveCounts { patches: 0, iterations: 0, gave_up: 0 },
         gave_up: 0,
     };
+
+    /// Callbacks note who came.
+    pub(super) fn deferring(surfaces: usize) -> Self {
+        Self { reached: vec![0; surfaces], ..Self::SOLVING }
+    }
 }
 
 /// The lanes' numbers in the query's order.
 pub(super) const IDENTITY: [u32; LANES] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 
 /// A surface behind Embree's callbacks.
-pub(super) struct LaneGeometry(pub(super) Arc<dyn LaneSurface>);
-
-/// Copies up to 16 values; the rest stays 0.
-#[inline]
-fn sixteen<T: Copy + Default>(values: &[T]) -> [T; LANES] {
-    if let Ok(all) = values.try_into() {
-        return all;
-    }
-    let mut out = [T::default(); LANES];
-    out[..values.len()].copy_from_slice(values);
-    out
+pub(super) struct LaneGeometry {
+    /// Its place among the scene's surfaces.
+    pub(super) number: usize,
+    pub(super) surface: Arc<dyn LaneSurface>,
 }
 
-/// Embree's packet as ours.
-#[inline]
-fn take(rays: &PacketRays<'_>, payload: &LanePayload) -> LaneRays {
-    let valid = sixteen(rays.valid);
-    let mut active = 0;
-    for lane in 0..LANES {
-        active |= u16::from(valid[lane] < 0) << lane;
+impl LaneGeometry {
+    /// Notes the lanes that came; false if the query wants them solved at once.
+    #[inline]
+    fn note(&self, rays: &PacketRays<'_>, payload: &mut LanePayload) -> bool {
+        let Some(reached) = payload.reached.get_mut(self.number) else { return false };
+        for (&valid, &id) in rays.valid.iter().zip(rays.id) {
+            *reached |= u16::from(valid < 0) << (id as usize % LANES);
+        }
+        true
     }
-    let id = sixteen(rays.id);
-    let tolerance = if id == IDENTITY {
-        payload.tolerance
-    } else {
-        // An invalid lane's id may be anything: the mask keeps the lookup in range, and nobody reads the result.
-        id.map(|id| payload.tolerance[id as usize % LANES])
-    };
-    LaneRays {
-        origin: rays.origin.map(sixteen),
-        direction: rays.direction.map(sixteen),
-        tnear: sixteen(rays.tnear),
-        tfar: sixteen(rays.tfar),
-        tolerance,
+}
+
+/// A lane of Embree's as a ray of ours.
+#[inline]
+fn ray(rays: &PacketRays<'_>, lane: usize, payload: &LanePayload) -> SingleRay {
+    SingleRay {
+        origin: rays.origin.map(|axis| axis[lane]),
+        direction: rays.direction.map(|axis| axis[lane]),
+        range: [rays.tnear[lane], rays.tfar[lane]],
+        tolerance: payload.tolerance[rays.id[lane] as usize % LANES],
         tolerance_growth: payload.tolerance_growth,
-        active,
-    }
-}
-
-/// Replaces the lanes whose bit is set.
-#[inline]
-fn put<T: Copy>(to: &mut [T], from: &[T; LANES], lanes: u16) {
-    if let Ok(to) = <&mut [T; LANES]>::try_from(&mut *to) {
-        // Selecting instead of branching: the compiler turns this into blends.
-        for lane in 0..LANES {
-            to[lane] = if lanes >> lane & 1 != 0 { from[lane] } else { to[lane] };
-        }
-        return;
-    }
-    for (lane, to) in to.iter_mut().enumerate() {
-        if lanes >> lane & 1 != 0 {
-            *to = from[lane];
-        }
     }
 }
 
@@ -93,38 +78,42 @@ impl PacketGeometry for LaneGeometry {
     type Payload = LanePayload;
 
     fn bounds(&self) -> [[f32; 3]; 2] {
-        self.0.bounds().map(Into::into)
+        self.surface.bounds().map(Into::into)
     }
 
     fn intersect(&self, rays: PacketRays<'_>, hits: PacketHits<'_>, payload: &mut LanePayload) {
-        let packet = take(&rays, payload);
-        let mut found = LaneHits::EMPTY;
-        self.0.closest(&packet, &mut found, &mut payload.counts);
-        let gave_up = found.gave_up & packet.active;
-        if gave_up != 0 {
-            for (lane, &id) in rays.id.iter().enumerate() {
-                payload.gave_up |= (gave_up >> lane & 1) << (id as usize % LANES);
-            }
-        }
-        let hit = found.hit & packet.active;
-        if hit == 0 {
+        if self.note(&rays, payload) {
             return;
         }
-        put(rays.tfar, &found.t, hit);
-        put(hits.u, &found.u, hit);
-        put(hits.v, &found.v, hit);
-        for axis in 0..3 {
-            put(hits.normal[axis], &found.normal[axis], hit);
+        for lane in (0..rays.valid.len()).filter(|&lane| rays.valid[lane] < 0) {
+            match self.surface.single(&ray(&rays, lane, payload), false, &mut payload.counts) {
+                SingleAnswer::Hit(hit) => {
+                    rays.tfar[lane] = hit.t;
+                    hits.u[lane] = hit.uv[0];
+                    hits.v[lane] = hit.uv[1];
+                    for axis in 0..3 {
+                        hits.normal[axis][lane] = hit.normal[axis];
+                    }
+                    hits.primitive[lane] = hit.primitive;
+                    hits.geometry[lane] = hits.own_geometry;
+                    hits.instance[lane] = hits.own_instance[0];
+                    hits.instance_primitive[lane] = hits.own_instance[1];
+                }
+                SingleAnswer::Miss => {}
+                SingleAnswer::GaveUp => payload.gave_up |= 1 << (rays.id[lane] as usize % LANES),
+            }
         }
-        put(hits.primitive, &found.primitive, hit);
-        put(hits.geometry, &[hits.own_geometry; LANES], hit);
-        put(hits.instance, &[hits.own_instance[0]; LANES], hit);
-        put(hits.instance_primitive, &[hits.own_instance[1]; LANES], hit);
     }
 
     fn occluded(&self, rays: PacketRays<'_>, payload: &mut LanePayload) {
-        let packet = take(&rays, payload);
-        let hit = self.0.occluded(&packet, &mut payload.counts) & packet.active;
-        put(rays.tfar, &[f32::NEG_INFINITY; LANES], hit);
+        if self.note(&rays, payload) {
+            return;
+        }
+        for lane in (0..rays.valid.len()).filter(|&lane| rays.valid[lane] < 0) {
+            let answer = self.surface.single(&ray(&rays, lane, payload), true, &mut payload.counts);
+            if matches!(answer, SingleAnswer::Hit(_)) {
+                rays.tfar[lane] = f32::NEG_INFINITY;
+            }
+        }
     }
 }

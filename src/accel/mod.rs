@@ -3,12 +3,13 @@
 //! A batch is a structure of arrays, sized for a tile. Accelerators stand behind one trait and are chosen by name at
 //! run time; whichever is chosen, the picture is the same.
 
+mod block;
 mod brute;
 pub mod bsp;
 pub mod embree;
 mod lanes;
-mod order;
 mod pair;
+mod stream;
 #[cfg(test)]
 mod testing;
 
@@ -18,6 +19,7 @@ use brute::Brute;
 use bsp::{Bsp, Plan};
 pub use embree::EmbreeAccel;
 use pair::Pair;
+use stream::Stream;
 
 pub use crate::ffi::embree::EmbreeError;
 use crate::lower::{Discs, Lowered, Material, Part, Shape, Spheres, Triangles};
@@ -220,6 +222,12 @@ pub enum AccelError {
         /// The part.
         part: u32,
     },
+    /// Something else was given to an accelerator of surfaces.
+    #[error("part {part} is no surface; expected a surface or its side walls")]
+    NoSurface {
+        /// The part.
+        part: u32,
+    },
     /// Arrays that belong together differ in length.
     #[error("part {part}: {count} {what}, expected one per centre, {expected}")]
     Length {
@@ -297,9 +305,14 @@ pub fn build(lowered: &Lowered, settings: &Accel) -> Result<Box<dyn Accelerator>
         (WaterAccel::Brute, ObjectsAccel::Brute) => return brute(all(&|_| true)),
         _ => {}
     }
-    let (on_water, others) = (all(&on_water_axis), all(&|part| !on_water_axis(part)));
+    // The stream serves surfaces only: triangles that stand in for them are objects to it.
+    let surfaces_only = settings.water == WaterAccel::Stream;
+    let is_surface = |part: &Part| matches!(part.shape, Shape::Surface(_) | Shape::Sides(_));
+    let on_water = |part: &Part| if surfaces_only { is_surface(part) } else { on_water_axis(part) };
+    let (on_water, others) = (all(&on_water), all(&|part| !on_water(part)));
     let water = |geometry: Vec<_>| match settings.water {
         WaterAccel::Embree => embree(&geometry),
+        WaterAccel::Stream => Stream::new(&geometry).map(|stream| Box::new(stream) as Box<dyn Accelerator>),
         WaterAccel::Brute => brute(geometry),
     };
     let objects = |geometry: Vec<_>| match settings.objects {

@@ -23,6 +23,7 @@ impl LaneSurface for Plane {
     }
 
     fn closest(&self, rays: &LaneRays, hits: &mut LaneHits, counts: &mut SolveCounts) {
+        (hits.hit, hits.gave_up) = (0, 0);
         for lane in (0..16).filter(|lane| rays.active >> lane & 1 != 0) {
             counts.patches += 1;
             if rays.tolerance[lane] == Self::DOUBT {

@@ -18,7 +18,9 @@ use crate::lower::Triangles;
 use crate::scene::SolverKind;
 use crate::simd::SimdLevel;
 use crate::surface::audit::Audit;
-use crate::surface::{LANES, LaneHits, LaneRays, LaneSurface, SolveCounts, SplineSurface, tessellate};
+use crate::surface::{
+    LANES, LaneHits, LaneRays, LaneSurface, SingleAnswer, SingleRay, SolveCounts, SplineSurface, tessellate,
+};
 
 /// Rays in one call of a batch: a tile's worth.
 const BATCH: usize = 4096;
@@ -70,7 +72,7 @@ fn trace(
 }
 
 /// A surface asked directly, packet by packet.
-fn alone(
+pub fn alone(
     surface: &SplineSurface,
     any: bool,
     rays: &RayBatch,
@@ -108,7 +110,7 @@ fn alone(
     }
 }
 
-fn stream(
+pub fn stream(
     surface: &SplineSurface,
     any: bool,
     rays: &RayBatch,
@@ -158,7 +160,7 @@ fn stream(
     }
 }
 
-fn one_by_one(
+pub fn one_by_one(
     surface: &SplineSurface,
     any: bool,
     rays: &RayBatch,
@@ -169,24 +171,18 @@ fn one_by_one(
     hits.reset(rays.len());
     occluded.clear();
     occluded.resize(rays.len(), false);
-    let mut packet = LaneRays { tolerance_growth: rays.tolerance_growth, active: 1, ..LaneRays::EMPTY };
-    let mut found = LaneHits::EMPTY;
     for index in 0..rays.len() {
-        for axis in 0..3 {
-            packet.origin[axis][0] = rays.origin[axis][index];
-            packet.direction[axis][0] = rays.direction[axis][index];
-        }
-        packet.tnear[0] = rays.tnear[index];
-        packet.tfar[0] = rays.tfar[index];
-        packet.tolerance[0] = rays.tolerance[index];
-        if any {
-            occluded[index] = surface.occluded(&packet, counts) == 1;
-        } else {
-            surface.closest(&packet, &mut found, counts);
-            if found.hit == 1 {
-                hits.t[index] = found.t[0];
-                hits.part[index] = 0;
-            }
+        let ray = SingleRay {
+            origin: rays.origin(index).to_array(),
+            direction: rays.direction(index).to_array(),
+            range: [rays.tnear[index], rays.tfar[index]],
+            tolerance: rays.tolerance[index],
+            tolerance_growth: rays.tolerance_growth,
+        };
+        if let SingleAnswer::Hit(hit) = surface.single(&ray, any, counts) {
+            occluded[index] = any;
+            hits.t[index] = hit.t;
+            hits.part[index] = 0;
         }
     }
 }

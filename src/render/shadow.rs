@@ -103,14 +103,14 @@ impl World<'_> {
         scratch: &mut Scratch,
     ) {
         let origin = contact.leave(direction);
-        scratch.shadow.rays.push(origin, direction, 0.0, reach, self.tolerance_at(carrier.distance));
+        scratch.shadow.rays.push(origin, direction, 0.0, reach, self.secondary_tolerance_at(carrier.distance));
         scratch.shadow.carriers.push(carrier);
     }
 
     /// Follows all queued shadow rays to their ends and adds what arrives.
     pub(super) fn trace_shadows(&self, scratch: &mut Scratch) {
         while !scratch.shadow.rays.is_empty() {
-            scratch.shadow.rays.tolerance_growth = self.tolerance[1];
+            scratch.shadow.rays.tolerance_growth = self.secondary_tolerance[1];
             scratch.counts.shadow += scratch.shadow.rays.len() as u64;
             self.accelerator.closest(&scratch.shadow.rays, &mut scratch.hits, &mut scratch.solve);
             scratch.next_shadow.clear();
@@ -172,7 +172,7 @@ impl World<'_> {
         carrier.distance += t;
         let start = contact.leave(direction);
         let next = &mut scratch.next_shadow;
-        next.rays.push(start, direction, 0.0, reach - t, self.tolerance_at(carrier.distance));
+        next.rays.push(start, direction, 0.0, reach - t, self.secondary_tolerance_at(carrier.distance));
         next.carriers.push(carrier);
     }
 }

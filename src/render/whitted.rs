@@ -94,7 +94,7 @@ impl World<'_> {
             for sample in samples.clone() {
                 let place = self.sampler.sample(x, y, sample);
                 let (origin, direction) = self.camera.ray(place.raster, place.lens, self.lowered.origin);
-                scratch.wave.rays.push(origin, direction, 0.0, f32::INFINITY, self.tolerance_at(0.0));
+                scratch.wave.rays.push(origin, direction, 0.0, f32::INFINITY, self.tolerance[0]);
                 scratch.wave.carriers.push(Carrier {
                     throughput,
                     guide: 1.0,
@@ -115,8 +115,10 @@ impl World<'_> {
 
     /// Follows the wave until nothing is left of it.
     fn run(&self, scratch: &mut Scratch) {
+        let mut growth = self.tolerance[1];
         while !scratch.wave.rays.is_empty() {
-            scratch.wave.rays.tolerance_growth = self.tolerance[1];
+            scratch.wave.rays.tolerance_growth = growth;
+            growth = self.secondary_tolerance[1];
             self.accelerator.closest(&scratch.wave.rays, &mut scratch.hits, &mut scratch.solve);
             scratch.next.clear();
             scratch.shadow.clear();
@@ -360,7 +362,7 @@ impl World<'_> {
             Kind::Transparency => scratch.counts.transparency += 1,
         }
         let origin = contact.leave(direction);
-        scratch.next.rays.push(origin, direction, 0.0, f32::INFINITY, self.tolerance_at(carrier.distance));
+        scratch.next.rays.push(origin, direction, 0.0, f32::INFINITY, self.secondary_tolerance_at(carrier.distance));
         scratch.next.carriers.push(carrier);
     }
 

@@ -161,6 +161,8 @@ pub(super) struct World<'a> {
     pub(super) eye_in_water: bool,
     /// Tolerance of a surface hit: metres, and metres per metre travelled.
     pub(super) tolerance: [f32; 2],
+    /// The same for rays after the first.
+    pub(super) secondary_tolerance: [f32; 2],
 }
 
 impl<'a> World<'a> {
@@ -206,13 +208,14 @@ impl<'a> World<'a> {
             depth: scene.render.depth.min(u32::from(u16::MAX)) as u16,
             eye_in_water: over_bed && level.is_some_and(|level| eye.y < level),
             tolerance,
+            secondary_tolerance: tolerance.map(|part| part * scene.surface.secondary_accuracy as f32),
         }
     }
 
-    /// Tolerance (m) at the start of a ray, `distance` metres after the eye.
+    /// Tolerance (m) at the start of a reflected, refracted or shadow ray, `distance` metres after the eye.
     #[inline]
-    pub(super) fn tolerance_at(&self, distance: f32) -> f32 {
-        self.tolerance[0] + self.tolerance[1] * distance
+    pub(super) fn secondary_tolerance_at(&self, distance: f32) -> f32 {
+        self.secondary_tolerance[0] + self.secondary_tolerance[1] * distance
     }
 }
 

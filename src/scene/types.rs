@@ -135,6 +135,9 @@ pub struct Surface {
     /// The same in pixels, used where `tolerance` is not set.
     #[schemars(range(min = 0.000001, max = 100.0))]
     pub accuracy: f64,
+    /// Factor on either for reflected, refracted and shadow rays: what they see is seen bent and faint.
+    #[schemars(range(min = 1.0, max = 10000.0))]
+    pub secondary_accuracy: f64,
     /// A column with less water than this (m) is dry.
     #[schemars(range(min = 0.0, max = 1000000.0))]
     pub dry_threshold: f64,
@@ -156,6 +159,7 @@ impl Default for Surface {
             solver: SolverKind::Univariate,
             tolerance: None,
             accuracy: 0.02,
+            secondary_accuracy: 4.0,
             dry_threshold: 0.001,
             dry_depth: None,
             samples: 8,
@@ -561,6 +565,8 @@ pub enum WaterAccel {
     /// Embree 4.
     #[default]
     Embree,
+    /// Our own walk over whole batches without Embree, sixteen rays at a time, lanes refilled.
+    Stream,
     /// Everything against everything.
     Brute,
 }

@@ -1,7 +1,7 @@
 //! Eight lanes of AVX2 with FMA.
 
 use std::arch::x86_64::*;
-use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
+use std::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Not, Sub};
 
 use super::{Kernel, Simd};
 
@@ -49,6 +49,8 @@ operator!(Add, add, I, _mm256_add_epi32);
 operator!(Sub, sub, I, _mm256_sub_epi32);
 operator!(Mul, mul, I, _mm256_mullo_epi32);
 operator!(BitAnd, bitand, I, _mm256_and_si256);
+operator!(BitOr, bitor, I, _mm256_or_si256);
+operator!(BitXor, bitxor, I, _mm256_xor_si256);
 operator!(BitAnd, bitand, M, _mm256_and_ps);
 operator!(BitOr, bitor, M, _mm256_or_ps);
 
@@ -176,6 +178,10 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn shift_right(self, a: I, count: I) -> I {
         with_token!(I(_mm256_srav_epi32(a.0, count.0)))
+    }
+    #[inline(always)]
+    fn and_not(self, a: I, b: I) -> I {
+        with_token!(I(_mm256_andnot_si256(b.0, a.0)))
     }
     #[inline(always)]
     fn min_int(self, a: I, b: I) -> I {

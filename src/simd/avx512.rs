@@ -1,7 +1,7 @@
 //! Sixteen lanes of AVX-512.
 
 use std::arch::x86_64::*;
-use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
+use std::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Not, Sub};
 
 use super::{Kernel, Simd};
 
@@ -49,6 +49,8 @@ operator!(Add, add, I, _mm512_add_epi32);
 operator!(Sub, sub, I, _mm512_sub_epi32);
 operator!(Mul, mul, I, _mm512_mullo_epi32);
 operator!(BitAnd, bitand, I, _mm512_and_si512);
+operator!(BitOr, bitor, I, _mm512_or_si512);
+operator!(BitXor, bitxor, I, _mm512_xor_si512);
 
 impl BitAnd for M {
     type Output = Self;
@@ -173,6 +175,10 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn shift_right(self, a: I, count: I) -> I {
         with_token!(I(_mm512_srav_epi32(a.0, count.0)))
+    }
+    #[inline(always)]
+    fn and_not(self, a: I, b: I) -> I {
+        with_token!(I(_mm512_andnot_si512(b.0, a.0)))
     }
     #[inline(always)]
     fn min_int(self, a: I, b: I) -> I {

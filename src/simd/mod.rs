@@ -12,7 +12,7 @@ mod avx512;
 mod portable;
 mod single;
 
-use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
+use std::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Not, Sub};
 use std::sync::OnceLock;
 
 /// An instruction set by name.
@@ -74,10 +74,25 @@ impl<T> Float for T where T: Copy + Add<Output = Self> + Sub<Output = Self> + Mu
 
 /// A vector of 32-bit integers.
 pub(crate) trait Int:
-    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + BitAnd<Output = Self>
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + BitAnd<Output = Self>
+    + BitOr<Output = Self>
+    + BitXor<Output = Self>
 {
 }
-impl<T> Int for T where T: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + BitAnd<Output = Self> {}
+impl<T> Int for T where
+    T: Copy
+        + Add<Output = Self>
+        + Sub<Output = Self>
+        + Mul<Output = Self>
+        + BitAnd<Output = Self>
+        + BitOr<Output = Self>
+        + BitXor<Output = Self>
+{
+}
 
 /// One truth per lane.
 pub(crate) trait Mask: Copy + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output = Self> {}
@@ -137,6 +152,8 @@ pub(crate) trait Simd: Copy + Send + Sync + 'static {
     fn shift_left(self, a: Self::I, count: Self::I) -> Self::I;
     /// `a >> count` per lane, arithmetic, counts 0..32.
     fn shift_right(self, a: Self::I, count: Self::I) -> Self::I;
+    /// `a` without the bits of `b`.
+    fn and_not(self, a: Self::I, b: Self::I) -> Self::I;
     /// Lesser of two.
     fn min_int(self, a: Self::I, b: Self::I) -> Self::I;
     /// Greater of two.
@@ -216,6 +233,11 @@ pub(crate) fn dispatch_single<K: Kernel>(level: SimdLevel, kernel: K) -> K::Outp
         }
         _ => single::enter(kernel),
     }
+}
+
+/// Runs a kernel with plain arithmetic, whatever the processor has: for one whose lanes are not its work.
+pub(crate) fn portable<K: Kernel>(kernel: K) -> K::Output {
+    portable::enter(kernel)
 }
 
 /// [`SimdLevel::is_available`], remembered: `dispatch` runs once per packet.

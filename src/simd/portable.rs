@@ -1,7 +1,7 @@
 //! Four lanes of plain arithmetic: what every processor has, in a shape that compilers turn into vectors.
 
 use std::array::from_fn;
-use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
+use std::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Not, Sub};
 
 use super::{Kernel, Simd};
 
@@ -47,6 +47,8 @@ operator!(Add, add, I, i32::wrapping_add);
 operator!(Sub, sub, I, i32::wrapping_sub);
 operator!(Mul, mul, I, i32::wrapping_mul);
 operator!(BitAnd, bitand, I, |a: i32, b: i32| a & b);
+operator!(BitOr, bitor, I, |a: i32, b: i32| a | b);
+operator!(BitXor, bitxor, I, |a: i32, b: i32| a ^ b);
 operator!(BitAnd, bitand, M, |a: u32, b: u32| a & b);
 operator!(BitOr, bitor, M, |a: u32, b: u32| a | b);
 
@@ -174,6 +176,10 @@ impl Simd for Portable {
     #[inline(always)]
     fn shift_right(self, a: I, count: I) -> I {
         I(from_fn(|lane| a.0[lane].wrapping_shr(count.0[lane] as u32)))
+    }
+    #[inline(always)]
+    fn and_not(self, a: I, b: I) -> I {
+        I(from_fn(|lane| a.0[lane] & !b.0[lane]))
     }
     #[inline(always)]
     fn min_int(self, a: I, b: I) -> I {

@@ -1,6 +1,6 @@
 //! One lane: plain scalar code, for rays that come alone.
 
-use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
+use std::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Not, Sub};
 
 use super::{Kernel, Simd};
 
@@ -53,6 +53,8 @@ operator!(Add, add, I, a, b => a.wrapping_add(b));
 operator!(Sub, sub, I, a, b => a.wrapping_sub(b));
 operator!(Mul, mul, I, a, b => a.wrapping_mul(b));
 operator!(BitAnd, bitand, I, a, b => a & b);
+operator!(BitOr, bitor, I, a, b => a | b);
+operator!(BitXor, bitxor, I, a, b => a ^ b);
 operator!(BitAnd, bitand, M, a, b => a & b);
 operator!(BitOr, bitor, M, a, b => a | b);
 
@@ -156,6 +158,10 @@ impl<const FUSED: bool> Simd for Single<FUSED> {
     #[inline(always)]
     fn shift_right(self, a: I, count: I) -> I {
         I(a.0.wrapping_shr(count.0 as u32))
+    }
+    #[inline(always)]
+    fn and_not(self, a: I, b: I) -> I {
+        I(a.0 & !b.0)
     }
     #[inline(always)]
     fn min_int(self, a: I, b: I) -> I {

@@ -108,11 +108,50 @@ impl LaneHits {
     };
 }
 
+/// One ray in the scene's local frame.
+#[derive(Clone, Copy, Debug)]
+pub struct SingleRay {
+    /// Origin: x, y, z.
+    pub origin: [f32; 3],
+    /// Direction, any length.
+    pub direction: [f32; 3],
+    /// Least and greatest t that count, the latter inclusive.
+    pub range: [f32; 2],
+    /// Tolerance of a hit, in t.
+    pub tolerance: f32,
+    /// Growth of the tolerance per unit of t.
+    pub tolerance_growth: f32,
+}
+
+/// A hit of one ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SingleHit {
+    /// Distance in lengths of the direction.
+    pub t: f32,
+    /// Primitive: patch index, or side.
+    pub primitive: u32,
+    /// Place within the patch along x and z, 0..1.
+    pub uv: [f32; 2],
+    /// Normal, upward (outward for sides), any length.
+    pub normal: [f32; 3],
+}
+
+/// What a surface says of one ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SingleAnswer {
+    /// The first hit; of no account but that there is one where any hit was asked for.
+    Hit(SingleHit),
+    /// None.
+    Miss,
+    /// The solver could not decide.
+    GaveUp,
+}
+
 /// A surface that answers sixteen rays at a time.
 pub trait LaneSurface: Send + Sync {
     /// Least and greatest corner of a box that holds the whole surface (rounded outward).
     fn bounds(&self) -> [Vec3; 2];
-    /// First hit of each active lane.
+    /// First hit of each active lane; `hit` and `gave_up` are set anew, other fields where there is a hit.
     fn closest(&self, rays: &LaneRays, hits: &mut LaneHits, counts: &mut SolveCounts);
     /// Bit per active lane that hits anything.
     fn occluded(&self, rays: &LaneRays, counts: &mut SolveCounts) -> u16;
@@ -127,6 +166,35 @@ pub trait LaneSurface: Send + Sync {
     fn occluded_stream(&self, rays: &[LaneRays], hits: &mut [LaneHits], counts: &mut SolveCounts) {
         for (rays, hits) in rays.iter().zip(hits) {
             hits.hit = self.occluded(rays, counts);
+        }
+    }
+    /// The first hit (`any`: whether there is one) of one ray that comes alone. Bits may differ from a packet's: pictures
+    /// are made of packets.
+    fn single(&self, ray: &SingleRay, any: bool, counts: &mut SolveCounts) -> SingleAnswer {
+        let mut rays = LaneRays { tolerance_growth: ray.tolerance_growth, active: 1, ..LaneRays::EMPTY };
+        for axis in 0..3 {
+            rays.origin[axis][0] = ray.origin[axis];
+            rays.direction[axis][0] = ray.direction[axis];
+        }
+        (rays.tnear[0], rays.tfar[0], rays.tolerance[0]) = (ray.range[0], ray.range[1], ray.tolerance);
+        let mut hits = LaneHits::EMPTY;
+        if any {
+            hits.hit = self.occluded(&rays, counts);
+        } else {
+            self.closest(&rays, &mut hits, counts);
+        }
+        if hits.hit & 1 == 1 {
+            let normal = hits.normal.map(|axis| axis[0]);
+            SingleAnswer::Hit(SingleHit {
+                t: hits.t[0],
+                primitive: hits.primitive[0],
+                uv: [hits.u[0], hits.v[0]],
+                normal,
+            })
+        } else if hits.gave_up & 1 == 1 {
+            SingleAnswer::GaveUp
+        } else {
+            SingleAnswer::Miss
         }
     }
     /// Bytes held above the heights themselves.

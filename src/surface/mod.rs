@@ -15,7 +15,7 @@ pub mod tessellate;
 mod walk;
 
 pub use brute::BruteSurface;
-pub use lanes::{LANES, LaneHits, LaneRays, LaneSurface, SurfacePoint};
+pub use lanes::{LANES, LaneHits, LaneRays, LaneSurface, SingleAnswer, SingleHit, SingleRay, SurfacePoint};
 pub use lattice::{Lattice, LatticeError, basis};
 pub use sides::Sides;
 pub use spline::SplineSurface;

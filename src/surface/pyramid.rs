@@ -1,12 +1,15 @@
-//! Least and greatest height of every cell and of every block of 2x2, 4x4, … cells: what lets a ray skip water.
+//! Least and greatest height of every cell and of every block of 4x4, 16x16, … cells: what lets a ray skip water.
+//!
+//! Blocks of 4x4 have half the levels of blocks of 2x2: fewer steps down and up, for some more along.
 //!
 //! Bounds are those of the Bézier hull of each patch, rounded outward to steps of one 32,700th of the whole range and
 //! padded by one step more: the pad covers the rounding of a ray's height in single precision and gives flat water a
-//! thickness. Both fit one 32-bit word, so that one gather fetches them: 5.3 bytes per cell with all levels. A bit of
+//! thickness. Both fit one 32-bit word, so that one gather fetches them: 4.3 bytes per cell with all levels. A bit of
 //! the word tells whether a patch of the block is missing: then passing over the block says nothing of the side on
 //! which a ray arrives at the next patch.
 
 use super::lattice::{Lattice, to_bezier};
+use crate::simd::{Kernel, Simd, SimdLevel, dispatch};
 
 /// Greatest bound that fits.
 const MOST: u32 = 0x7fff;
@@ -15,20 +18,23 @@ pub(super) const HOLE: u32 = 0x8000;
 /// A cell without patch: its least is above its greatest.
 const EMPTY: u32 = HOLE | MOST;
 
-/// Levels at most: a grid of 2^15 cells a side has a single block on top; larger ones have more.
-pub(super) const MAX_LEVELS: usize = 16;
+/// Binary digits of a cell's number that a level up drops: blocks of 4x4.
+pub(super) const DIGITS: usize = 2;
+/// Entries of the tables over levels, which are indexed by the digits dropped. A grid of 2^14 cells a side has a single
+/// block on top; larger ones have more.
+pub(super) const ENTRIES: usize = 16;
 
 /// The pyramid of bounds.
 #[derive(Clone, Debug)]
 pub(super) struct Pyramid {
     /// Words of all levels, finest first: bits 0..15 the least, bit 15 a hole, bits 16..31 the greatest, in steps.
     pub words: Vec<u32>,
-    /// Start of each level in `words`.
-    pub start: [i32; MAX_LEVELS],
-    /// Blocks along x of each level.
-    pub row: [i32; MAX_LEVELS],
-    /// Levels.
-    pub levels: usize,
+    /// Start of each level in `words`, by the digits dropped.
+    pub start: [i32; ENTRIES],
+    /// Blocks along x of each level, by the digits dropped.
+    pub row: [i32; ENTRIES],
+    /// Digits dropped on the coarsest level.
+    pub top: usize,
     /// Height of step 0 (m).
     pub floor: f64,
     /// Height of one step (m), positive.
@@ -36,48 +42,65 @@ pub(super) struct Pyramid {
 }
 
 impl Pyramid {
-    /// Bounds of a lattice.
-    pub(super) fn build(lattice: &Lattice) -> Self {
+    /// Bounds of a lattice, by the instruction set that rays will be traced with.
+    pub(super) fn build(lattice: &Lattice, simd: SimdLevel) -> Self {
+        dispatch(simd, Build(lattice))
+    }
+
+    #[inline(always)]
+    fn of(lattice: &Lattice) -> Self {
         let [cx, cz] = lattice.cells;
-        let hulls = hulls(lattice);
-        let (least, greatest) = (0..cx * cz)
-            .filter(|&cell| lattice.exists(cell % cx, cell / cx))
-            .map(|cell| hulls[cell])
-            .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), hull| (low.min(hull[0]), high.max(hull[1])));
+        let (mut low, mut high) = (vec![0.0; cx], vec![0.0; cx]);
+        let (mut least, mut greatest) = (f32::INFINITY, f32::NEG_INFINITY);
+        for j in 0..cz {
+            row_hulls(lattice, j, &mut low, &mut high);
+            for i in 0..cx {
+                let exists = lattice.exists(i, j);
+                least = if exists & (low[i] < least) { low[i] } else { least };
+                greatest = if exists & (high[i] > greatest) { high[i] } else { greatest };
+            }
+        }
         let (least, greatest) = if least <= greatest { (f64::from(least), f64::from(greatest)) } else { (0.0, 0.0) };
         let magnitude = least.abs().max(greatest.abs());
         let narrow = lattice.width[0].min(lattice.width[1]);
         // A step is at least a few units in the last place of a single-precision height, and never zero.
         let step = ((greatest - least) / 32_700.0).max(4e-7 * magnitude).max(1e-6 * narrow);
         let floor = least - 3.0 * step;
-        let mut words = Vec::with_capacity(cx * cz * 4 / 3 + 64);
+        let inverse_step = 1.0 / step;
+        let mut words = vec![0; cx * cz];
         for j in 0..cz {
+            row_hulls(lattice, j, &mut low, &mut high);
+            let row = &mut words[j * cx..][..cx];
             for i in 0..cx {
-                words.push(if lattice.exists(i, j) {
-                    let [low, high] = hulls[j * cx + i];
-                    let low = ((f64::from(low) - floor) / step).floor() - 1.0;
-                    let high = ((f64::from(high) - floor) / step).ceil() + 1.0;
-                    (low.max(0.0) as u32) | (high.min(f64::from(MOST)) as u32) << 16
-                } else {
-                    EMPTY
-                });
+                // Not negative but for rounding, which the pad covers: truncation goes down, and one more up.
+                let least = (f64::from(low[i]) - floor) * inverse_step - 1.0;
+                let greatest = (f64::from(high[i]) - floor) * inverse_step + 2.0;
+                let least = if least > 0.0 { least } else { 0.0 };
+                let greatest = if greatest < f64::from(MOST) { greatest } else { f64::from(MOST) };
+                // What does not exist may lie anywhere: the conversion saturates, and the word is not used.
+                row[i] = least as i32 as u32 & MOST | (greatest as i32 as u32 & MOST) << 16;
+            }
+            for i in 0..cx {
+                row[i] = if lattice.exists(i, j) { row[i] } else { EMPTY };
             }
         }
-        let mut pyramid = Self { words, start: [0; MAX_LEVELS], row: [0; MAX_LEVELS], levels: 1, floor, step };
+        words.reserve(cx * cz / 15 + cx + cz + 64);
+        let mut pyramid = Self { words, start: [0; ENTRIES], row: [0; ENTRIES], top: 0, floor, step };
         pyramid.row[0] = cx as i32;
         let mut size = [cx, cz];
-        while pyramid.levels < MAX_LEVELS && (size[0] > 1 || size[1] > 1) {
-            let below = pyramid.start[pyramid.levels - 1] as usize;
-            let above = size.map(|n| n.div_ceil(2));
-            pyramid.start[pyramid.levels] = pyramid.words.len() as i32;
-            pyramid.row[pyramid.levels] = above[0] as i32;
+        while pyramid.top + DIGITS < ENTRIES && (size[0] > 1 || size[1] > 1) {
+            let below = pyramid.start[pyramid.top] as usize;
+            let above = size.map(|n| n.div_ceil(1 << DIGITS));
+            pyramid.top += DIGITS;
+            pyramid.start[pyramid.top] = pyramid.words.len() as i32;
+            pyramid.row[pyramid.top] = above[0] as i32;
             for j in 0..above[1] {
                 for i in 0..above[0] {
                     let mut block = MOST;
-                    for (di, dj) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-                        let (a, b) = (2 * i + di, 2 * j + dj);
-                        if a < size[0] && b < size[1] {
-                            let word = pyramid.words[below + b * size[0] + a];
+                    for b in j << DIGITS..((j + 1) << DIGITS).min(size[1]) {
+                        for &word in
+                            &pyramid.words[below + b * size[0]..][i << DIGITS..((i + 1) << DIGITS).min(size[0])]
+                        {
                             block = (block & MOST).min(word & MOST)
                                 | (block | word) & HOLE
                                 | (block & !0xffff).max(word & !0xffff);
@@ -87,7 +110,6 @@ impl Pyramid {
                 }
             }
             size = above;
-            pyramid.levels += 1;
         }
         pyramid.words.shrink_to_fit();
         pyramid
@@ -95,7 +117,7 @@ impl Pyramid {
 
     /// Least and greatest height of everything (m), padded; `None` where no patch exists.
     pub(super) fn range(&self) -> Option<[f64; 2]> {
-        let top = self.start[self.levels - 1] as usize;
+        let top = self.start[self.top] as usize;
         let (low, high) =
             self.words[top..].iter().fold((MOST, 0), |(low, high), &w| (low.min(w & MOST), high.max(w >> 16)));
         (low <= high).then(|| [self.floor + f64::from(low) * self.step, self.floor + f64::from(high) * self.step])
@@ -107,58 +129,64 @@ impl Pyramid {
     }
 }
 
-/// Least and greatest Bézier height of every cell.
-fn hulls(lattice: &Lattice) -> Vec<[f32; 2]> {
-    let [cx, cz] = lattice.cells;
-    let order = lattice.order;
-    if order == 3 {
-        return hulls_biquadratic(lattice);
+/// The building as a kernel: its loops over rows are plain, so that compilers turn them into vectors.
+struct Build<'a>(&'a Lattice);
+
+impl Kernel for Build<'_> {
+    type Output = Pyramid;
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) -> Pyramid {
+        Pyramid::of(self.0)
     }
-    (0..cx * cz)
-        .map(|cell| {
-            let window = lattice.window(cell % cx, cell / cx);
-            let mut rows = [[0.0; 4]; 4];
-            for b in 0..order {
-                rows[b] = to_bezier(order, window[b]);
-            }
-            let mut hull = [f64::INFINITY, f64::NEG_INFINITY];
-            for a in 0..order {
-                let column = to_bezier(order, [rows[0][a], rows[1][a], rows[2][a], rows[3][a]]);
-                for &height in &column[..order] {
-                    hull = [hull[0].min(height), hull[1].max(height)];
-                }
-            }
-            [hull[0] as f32, hull[1] as f32]
-        })
-        .collect()
 }
 
-/// The same for order 3, row by row so that compilers turn it into vectors; single precision is covered by the pad.
-fn hulls_biquadratic(lattice: &Lattice) -> Vec<[f32; 2]> {
-    let [cx, cz] = lattice.cells;
-    let stride = lattice.stride;
-    let mut hulls = vec![[0.0; 2]; cx * cz];
-    // Least and greatest along x of three rows: the middle one, and its means with the rows before and after.
-    for j in 0..cz {
-        let before = &lattice.heights[j * stride..][..stride];
-        let here = &lattice.heights[(j + 1) * stride..][..stride];
-        let after = &lattice.heights[(j + 2) * stride..][..stride];
-        for (i, hull) in hulls[j * cx..][..cx].iter_mut().enumerate() {
-            let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-            let columns = [0, 1, 2].map(|a| {
-                let (p, q, r) = (before[i + a], here[i + a], after[i + a]);
-                [0.5 * (p + q), q, 0.5 * (q + r)]
-            });
-            for b in 0..3 {
-                let (p, q, r) = (columns[0][b], columns[1][b], columns[2][b]);
-                let (p, r) = (0.5 * (p + q), 0.5 * (q + r));
-                low = low.min(p.min(q).min(r));
-                high = high.max(p.max(q).max(r));
-            }
-            *hull = [low, high];
-        }
+/// Least and greatest Bézier height of a row of cells.
+#[inline(always)]
+fn row_hulls(lattice: &Lattice, j: usize, low: &mut [f32], high: &mut [f32]) {
+    if lattice.order == 3 {
+        return row_hulls_biquadratic(lattice, j, low, high);
     }
-    hulls
+    let order = lattice.order;
+    for i in 0..lattice.cells[0] {
+        let window = lattice.window(i, j);
+        let mut rows = [[0.0; 4]; 4];
+        for b in 0..order {
+            rows[b] = to_bezier(order, window[b]);
+        }
+        let (mut least, mut greatest) = (f64::INFINITY, f64::NEG_INFINITY);
+        for a in 0..order {
+            let column = to_bezier(order, [rows[0][a], rows[1][a], rows[2][a], rows[3][a]]);
+            for &height in &column[..order] {
+                (least, greatest) = (least.min(height), greatest.max(height));
+            }
+        }
+        (low[i], high[i]) = (least as f32, greatest as f32);
+    }
+}
+
+/// The same for order 3 in single precision, whose rounding the pad covers.
+#[inline(always)]
+fn row_hulls_biquadratic(lattice: &Lattice, j: usize, low: &mut [f32], high: &mut [f32]) {
+    let count = lattice.cells[0];
+    let row = |number: usize| &lattice.heights[number * lattice.stride..][..count + 2];
+    let (before, here, after) = (row(j), row(j + 1), row(j + 2));
+    let (low, high) = (&mut low[..count], &mut high[..count]);
+    // NaN-free, so a plain comparison will do: it is one instruction.
+    let less = |a: f32, b: f32| if a < b { a } else { b };
+    let more = |a: f32, b: f32| if a > b { a } else { b };
+    for i in 0..count {
+        // The middle row, and its means with the rows before and after.
+        let (p0, q0, r0) = (0.5 * (before[i] + here[i]), here[i], 0.5 * (here[i] + after[i]));
+        let (p1, q1, r1) = (0.5 * (before[i + 1] + here[i + 1]), here[i + 1], 0.5 * (here[i + 1] + after[i + 1]));
+        let (p2, q2, r2) = (0.5 * (before[i + 2] + here[i + 2]), here[i + 2], 0.5 * (here[i + 2] + after[i + 2]));
+        let ends =
+            [0.5 * (p0 + p1), 0.5 * (p1 + p2), 0.5 * (q0 + q1), 0.5 * (q1 + q2), 0.5 * (r0 + r1), 0.5 * (r1 + r2)];
+        let (mut least, mut greatest) = (less(p1, less(q1, r1)), more(p1, more(q1, r1)));
+        for end in ends {
+            (least, greatest) = (less(least, end), more(greatest, end));
+        }
+        (low[i], high[i]) = (least, greatest);
+    }
 }
 
 #[cfg(test)]
@@ -178,13 +206,13 @@ mod tests {
         for order in 2..=4 {
             let heights: Vec<f64> = (0..13 * 7).map(|k| 3.0 * noise(k) - 40.0).collect();
             let lattice = Lattice::new(order, [13, 7], [0.0; 2], [1.0; 2], &heights, |_| true).unwrap();
-            let pyramid = Pyramid::build(&lattice);
+            let pyramid = Pyramid::build(&lattice, SimdLevel::detect());
             for j in 0..lattice.cells[1] {
                 for i in 0..lattice.cells[0] {
                     for k in 0..25 {
                         let (height, _) = lattice.evaluate(i, j, f64::from(k % 5) / 4.0, f64::from(k / 5) / 4.0);
                         let step = (height - pyramid.floor) / pyramid.step;
-                        for level in 0..pyramid.levels {
+                        for level in (0..=pyramid.top).step_by(DIGITS) {
                             let word = pyramid.words[pyramid.start[level] as usize
                                 + (j >> level) * pyramid.row[level] as usize
                                 + (i >> level)];
@@ -199,15 +227,15 @@ mod tests {
     #[test]
     fn flat_water_has_a_thickness_and_dry_land_is_empty() {
         let flat = Lattice::new(3, [5, 5], [0.0; 2], [0.001; 2], &[7.0; 25], |_| true).unwrap();
-        let [low, high] = Pyramid::build(&flat).range().unwrap();
+        let [low, high] = Pyramid::build(&flat, SimdLevel::detect()).range().unwrap();
         assert!(low < 7.0 && high > 7.0 && high - low < 1e-4);
         let dry = Lattice::new(3, [5, 5], [0.0; 2], [1.0; 2], &[7.0; 25], |_| false).unwrap();
-        assert_eq!(Pyramid::build(&dry).range(), None);
+        assert_eq!(Pyramid::build(&dry, SimdLevel::detect()).range(), None);
     }
 
     #[test]
-    fn bounds_take_under_six_bytes_a_cell() {
+    fn bounds_take_under_five_bytes_a_cell() {
         let lattice = Lattice::new(3, [400, 400], [0.0; 2], [1.0; 2], &vec![0.0; 160_000], |_| true).unwrap();
-        assert!(Pyramid::build(&lattice).bytes() < 6 * 160_000);
+        assert!(Pyramid::build(&lattice, SimdLevel::detect()).bytes() < 5 * 160_000);
     }
 }

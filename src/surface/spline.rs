@@ -6,11 +6,11 @@ use glam::Vec3;
 
 use super::lattice::Lattice;
 use super::pyramid::Pyramid;
-use super::solve::{Newton, PatchSolver, PerLane, Reference, Univariate};
-use super::walk::Walk;
-use super::{LANES, LaneHits, LaneRays, LaneSurface, SolveCounts, SurfacePoint};
+use super::solve::{PerLane, RayAtATime, Univariate};
+use super::walk::{SingleWalk, Walk};
+use super::{LANES, LaneHits, LaneRays, LaneSurface, SingleAnswer, SingleRay, SolveCounts, SurfacePoint};
 use crate::scene::SolverKind;
-use crate::simd::{SimdLevel, dispatch, dispatch_single};
+use crate::simd::{SimdLevel, dispatch, dispatch_single, portable};
 
 /// Packets of a stream that share their lanes at a time: enough that lanes rarely idle, few enough to stay in cache.
 const BLOCK: usize = 32;
@@ -28,7 +28,7 @@ pub struct SplineSurface {
 impl SplineSurface {
     /// A surface over a lattice, with a solver by name and an instruction set.
     pub fn new(lattice: Lattice, solver: SolverKind, simd: SimdLevel) -> Self {
-        let pyramid = Pyramid::build(&lattice);
+        let pyramid = Pyramid::build(&lattice, simd);
         let range = pyramid.range();
         Self { lattice, pyramid, range, solver, simd }
     }
@@ -95,45 +95,45 @@ impl SplineSurface {
     }
 
     /// As many `hits` as packets, all missing; at most [`BLOCK`] packets, with one growth of the tolerance.
-    fn walk<const ANY: bool, const N: usize>(
+    fn walk<const ANY: bool, const N: usize, const G: usize>(
         &self,
-        rays: &[LaneRays],
-        hits: &mut [LaneHits],
-        counts: &mut SolveCounts,
-    ) {
-        match self.solver {
-            SolverKind::Univariate => self.walk_with::<_, ANY, N>(Univariate, self.simd, rays, hits, counts),
-            // These work a ray at a time: wide lanes would only idle.
-            SolverKind::Newton => {
-                self.walk_with::<_, ANY, N>(PerLane(Newton), SimdLevel::Portable, rays, hits, counts);
-            }
-            SolverKind::Reference => {
-                self.walk_with::<_, ANY, N>(PerLane(Reference), SimdLevel::Portable, rays, hits, counts);
-            }
-        }
-    }
-
-    fn walk_with<P: PatchSolver, const ANY: bool, const N: usize>(
-        &self,
-        solver: P,
-        simd: SimdLevel,
         rays: &[LaneRays],
         hits: &mut [LaneHits],
         counts: &mut SolveCounts,
     ) {
         let Some(range) = self.range else { return };
         let (lattice, pyramid) = (&self.lattice, &self.pyramid);
-        if N == 1 {
-            return match lattice.order {
-                2 => dispatch_single(simd, Walk::<_, 2, 2, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
-                3 => dispatch_single(simd, Walk::<_, 3, 4, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
-                _ => dispatch_single(simd, Walk::<_, 4, 6, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
+        macro_rules! walk {
+            ($solver:expr, $K:literal, $D:literal) => {
+                Walk::<_, $K, $D, ANY, N, G> { lattice, pyramid, range, solver: $solver, rays, hits, counts }
             };
         }
-        match lattice.order {
-            2 => dispatch(simd, Walk::<_, 2, 2, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
-            3 => dispatch(simd, Walk::<_, 3, 4, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
-            _ => dispatch(simd, Walk::<_, 4, 6, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
+        match (RayAtATime::of(self.solver), lattice.order) {
+            (None, 2) => dispatch(self.simd, walk!(Univariate, 2, 2)),
+            (None, 3) => dispatch(self.simd, walk!(Univariate, 3, 4)),
+            (None, _) => dispatch(self.simd, walk!(Univariate, 4, 6)),
+            // These work a ray at a time: wide lanes would only idle.
+            (Some(solver), 2) => portable(walk!(PerLane(solver), 2, 2)),
+            (Some(solver), 3) => portable(walk!(PerLane(solver), 3, 4)),
+            (Some(solver), _) => portable(walk!(PerLane(solver), 4, 6)),
+        }
+    }
+
+    fn walk_single<const ANY: bool>(&self, ray: &SingleRay, counts: &mut SolveCounts) -> SingleAnswer {
+        let Some(range) = self.range else { return SingleAnswer::Miss };
+        let (lattice, pyramid) = (&self.lattice, &self.pyramid);
+        macro_rules! walk {
+            ($solver:expr, $K:literal, $D:literal) => {
+                SingleWalk::<_, $K, $D, ANY> { lattice, pyramid, range, solver: $solver, ray, counts }
+            };
+        }
+        match (RayAtATime::of(self.solver), lattice.order) {
+            (None, 2) => dispatch_single(self.simd, walk!(Univariate, 2, 2)),
+            (None, 3) => dispatch_single(self.simd, walk!(Univariate, 3, 4)),
+            (None, _) => dispatch_single(self.simd, walk!(Univariate, 4, 6)),
+            (Some(solver), 2) => dispatch_single(self.simd, walk!(PerLane(solver), 2, 2)),
+            (Some(solver), 3) => dispatch_single(self.simd, walk!(PerLane(solver), 3, 4)),
+            (Some(solver), _) => dispatch_single(self.simd, walk!(PerLane(solver), 4, 6)),
         }
     }
 }
@@ -152,22 +152,12 @@ impl LaneSurface for SplineSurface {
     fn closest(&self, rays: &LaneRays, hits: &mut LaneHits, counts: &mut SolveCounts) {
         hits.hit = 0;
         hits.gave_up = 0;
-        let (rays, hits) = (slice::from_ref(rays), slice::from_mut(hits));
-        if rays[0].active.count_ones() == 1 {
-            self.walk::<false, 1>(rays, hits, counts);
-        } else {
-            self.walk::<false, LANES>(rays, hits, counts);
-        }
+        self.walk::<false, LANES, 1>(slice::from_ref(rays), slice::from_mut(hits), counts);
     }
 
     fn occluded(&self, rays: &LaneRays, counts: &mut SolveCounts) -> u16 {
         let mut hits = LaneHits::EMPTY;
-        let (rays, found) = (slice::from_ref(rays), slice::from_mut(&mut hits));
-        if rays[0].active.count_ones() == 1 {
-            self.walk::<true, 1>(rays, found, counts);
-        } else {
-            self.walk::<true, LANES>(rays, found, counts);
-        }
+        self.walk::<true, LANES, 1>(slice::from_ref(rays), slice::from_mut(&mut hits), counts);
         hits.hit
     }
 
@@ -177,7 +167,7 @@ impl LaneSurface for SplineSurface {
                 hits.hit = 0;
                 hits.gave_up = 0;
             }
-            self.walk::<false, { BLOCK * LANES }>(rays, hits, counts);
+            self.walk::<false, { BLOCK * LANES }, 2>(rays, hits, counts);
         }
     }
 
@@ -187,8 +177,12 @@ impl LaneSurface for SplineSurface {
                 hits.hit = 0;
                 hits.gave_up = 0;
             }
-            self.walk::<true, { BLOCK * LANES }>(rays, hits, counts);
+            self.walk::<true, { BLOCK * LANES }, 2>(rays, hits, counts);
         }
+    }
+
+    fn single(&self, ray: &SingleRay, any: bool, counts: &mut SolveCounts) -> SingleAnswer {
+        if any { self.walk_single::<true>(ray, counts) } else { self.walk_single::<false>(ray, counts) }
     }
 
     fn bytes(&self) -> u64 {

@@ -9,12 +9,13 @@ mod polynomial;
 mod reference;
 mod univariate;
 
-pub(super) use newton::Newton;
+use newton::Newton;
 pub(super) use polynomial::ray_polynomial;
-pub(super) use reference::Reference;
+use reference::Reference;
 pub(super) use univariate::Univariate;
 
 use super::SolveCounts;
+use crate::scene::SolverKind;
 use crate::simd::Simd;
 
 /// Lanes of rays against a patch each, over t in [start, start + length].
@@ -96,6 +97,36 @@ pub(super) enum Solve {
 pub(super) trait RaySolver: Copy + Send + Sync {
     /// The first hit; `tolerance` is a share of the stretch.
     fn first_hit(self, ray: &PatchRay, tolerance: f64, iterations: &mut u64) -> Solve;
+}
+
+/// The single-ray solvers by name, as one type: what a walk costs around them does not matter, and one walk compiled is
+/// enough for all.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum RayAtATime {
+    /// See [`Newton`].
+    Newton,
+    /// See [`Reference`].
+    Reference,
+}
+
+impl RayAtATime {
+    /// The solver of a name; `None` for the one that has lanes of its own.
+    pub(super) fn of(solver: SolverKind) -> Option<Self> {
+        match solver {
+            SolverKind::Univariate => None,
+            SolverKind::Newton => Some(Self::Newton),
+            SolverKind::Reference => Some(Self::Reference),
+        }
+    }
+}
+
+impl RaySolver for RayAtATime {
+    fn first_hit(self, ray: &PatchRay, tolerance: f64, iterations: &mut u64) -> Solve {
+        match self {
+            Self::Newton => Newton.first_hit(ray, tolerance, iterations),
+            Self::Reference => Reference.first_hit(ray, tolerance, iterations),
+        }
+    }
 }
 
 /// Any single-ray solver as a lane solver.

@@ -65,15 +65,31 @@ fn cubic_row<S: Simd>(simd: S, p: [S::F; 3], q: [S::F; 3]) -> [S::F; 4] {
     ]
 }
 
-/// C(n,k) C(n,l) / C(2n,k+l) for n = K - 1.
-const fn product_weight(n: usize, k: usize, l: usize) -> f32 {
-    const fn choose(n: usize, k: usize) -> usize {
-        match k {
-            0 => 1,
-            _ => choose(n, k - 1) * (n + 1 - k) / k,
+/// C(n,k) C(n,l) / C(2n,k+l) for n = K - 1: worked out by the compiler, for kernels must not call functions.
+struct ProductWeights<const K: usize>;
+
+impl<const K: usize> ProductWeights<K> {
+    const TABLE: [[f32; K]; K] = {
+        let mut table = [[0.0; K]; K];
+        let mut k = 0;
+        while k < K {
+            let mut l = 0;
+            while l < K {
+                table[k][l] = (choose(K - 1, k) * choose(K - 1, l)) as f32 / choose(2 * (K - 1), k + l) as f32;
+                l += 1;
+            }
+            k += 1;
         }
+        table
+    };
+}
+
+/// Binomial coefficient.
+const fn choose(n: usize, k: usize) -> usize {
+    match k {
+        0 => 1,
+        _ => choose(n, k - 1) * (n + 1 - k) / k,
     }
-    (choose(n, k) * choose(n, l)) as f32 / choose(2 * n, k + l) as f32
 }
 
 /// Bernstein coefficients of height above the surface along each lane; entries past D are zero.
@@ -103,7 +119,7 @@ pub(super) fn lane_polynomial<S: Simd, const K: usize, const D: usize>(simd: S, 
             for b in 1..K {
                 sum = simd.fma(along_v[l][b], rows[b][k], sum);
             }
-            let weight = product_weight(K - 1, k, l);
+            let weight = ProductWeights::<K>::TABLE[k][l];
             coefficients[k + l] = simd.fma(simd.splat(-weight), sum, coefficients[k + l]);
         }
     }
