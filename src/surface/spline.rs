@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::lattice::Lattice;
 use super::pyramid::Pyramid;
-use super::solve::{Newton, PatchSolver, PerLane, Reference, Univariate};
+use super::solve::{BezierClip, Newton, PatchSolver, PerLane, Reference, Report, Univariate};
 use super::walk::Walk;
 use super::{LANES, LaneHits, LaneRays, LaneSurface, SolveCounts, SurfacePoint};
 use crate::scene::SolverKind;
@@ -106,6 +106,12 @@ impl SplineSurface {
             // These work a ray at a time: wide lanes would only idle.
             SolverKind::Newton => {
                 self.walk_with::<_, ANY, N>(PerLane(Newton), SimdLevel::Portable, rays, hits, counts);
+            }
+            SolverKind::Report => {
+                self.walk_with::<_, ANY, N>(PerLane(Report), SimdLevel::Portable, rays, hits, counts);
+            }
+            SolverKind::BezierClip => {
+                self.walk_with::<_, ANY, N>(PerLane(BezierClip), SimdLevel::Portable, rays, hits, counts);
             }
             SolverKind::Reference => {
                 self.walk_with::<_, ANY, N>(PerLane(Reference), SimdLevel::Portable, rays, hits, counts);

@@ -4,14 +4,18 @@
 //! the patch, so that a walk from patch to patch cannot slip through a seam: a ray that comes in above the surface and
 //! stands below it at the patch's border has hit it there.
 
+mod clip;
 mod newton;
 mod polynomial;
 mod reference;
+mod report;
 mod univariate;
 
+pub(super) use clip::BezierClip;
 pub(super) use newton::Newton;
 pub(super) use polynomial::ray_polynomial;
 pub(super) use reference::Reference;
+pub(super) use report::Report;
 pub(super) use univariate::Univariate;
 
 use super::SolveCounts;
@@ -94,6 +98,8 @@ pub(super) enum Solve {
 
 /// A solver that works a ray at a time, in double precision.
 pub(super) trait RaySolver: Copy + Send + Sync {
+    /// Whether the side of the surface is carried from patch to patch, so that no ray slips through a border.
+    const CARRIES_SIGN: bool = true;
     /// The first hit; `tolerance` is a share of the stretch.
     fn first_hit(self, ray: &PatchRay, tolerance: f64, iterations: &mut u64) -> Solve;
 }
@@ -135,13 +141,15 @@ impl<R: RaySolver> PatchSolver for PerLane<R> {
                     ray.window[b][a] = f64::from(window[b][a][lane]);
                 }
             }
-            let polynomial = ray_polynomial(&ray);
-            let (first, last) = (polynomial.coefficients()[0], polynomial.coefficients()[D]);
-            leaving[lane] = if last < 0.0 { -1.0 } else { 1.0 };
-            // A sign that does not continue the one carried in is a hit on the border itself.
-            if first == 0.0 || f64::from(above[lane]) * first < 0.0 {
-                hit |= 1 << lane;
-                continue;
+            if R::CARRIES_SIGN {
+                let polynomial = ray_polynomial(&ray);
+                let (first, last) = (polynomial.coefficients()[0], polynomial.coefficients()[D]);
+                leaving[lane] = if last < 0.0 { -1.0 } else { 1.0 };
+                // A sign that does not continue the one carried in is a hit on the border itself.
+                if first == 0.0 || f64::from(above[lane]) * first < 0.0 {
+                    hit |= 1 << lane;
+                    continue;
+                }
             }
             let share = f64::from(tolerance[lane]) / f64::from(length[lane]).max(f64::MIN_POSITIVE);
             match self.0.first_hit(&ray, share.clamp(1e-15, 1.0), &mut counts.iterations) {
