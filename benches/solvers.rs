@@ -95,7 +95,7 @@ fn surfaces(kind: Kind, order: u32) -> Vec<(String, SplineSurface)> {
         let levels = match solver {
             SolverKind::Univariate => vec![SimdLevel::Avx512, SimdLevel::Avx2, SimdLevel::Portable],
             // These work a ray at a time, whatever the instruction set.
-            SolverKind::Newton | SolverKind::Reference => vec![SimdLevel::Portable],
+            _ => vec![SimdLevel::Portable],
         };
         for level in levels.into_iter().filter(|level| level.is_available()) {
             let name = format!("{}/{}", solver.name(), level.name());

@@ -237,12 +237,25 @@ pub struct TraceArgs {
     /// The frame [default: the first]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(i64).range(0..))]
     pub frame: Option<i64>,
+    /// Ray/patch solver (surface.solver)
+    #[arg(long, value_name = "NAME", value_parser = names("surface.solver"))]
+    pub solver: Option<String>,
     /// Threads [default: all processors]
     #[arg(long, value_name = "N", value_parser = threads)]
     pub threads: Option<NonZeroUsize>,
     /// Instruction set
     #[arg(long, value_enum, default_value_t, value_name = "NAME")]
     pub simd: SimdChoice,
+}
+
+impl TraceArgs {
+    /// Everything that is laid over the scene file, in order: `--set`, then the options that stand for keys.
+    pub fn overrides(&self) -> Vec<Override> {
+        let mut overrides = self.scene.set.clone();
+        let solver = self.solver.as_deref();
+        overrides.extend(solver.map(|name| Override::by_option("--solver", "surface.solver", name)));
+        overrides
+    }
 }
 
 /// `whitewater inspect`.

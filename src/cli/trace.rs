@@ -41,7 +41,7 @@ const ALWAYS_KNOWN: [&str; 4] = ["water", "water_sides", "terrain", "spray"];
 /// The scene, its files or the rays are wrong; `--only` names what is not there; the answers cannot be written.
 pub fn run(arguments: &TraceArgs) -> Result<Outcome, CliError> {
     let simd = arguments.simd.level()?;
-    let mut loaded = scene::load(&arguments.scene.scene, &arguments.scene.set)?;
+    let mut loaded = scene::load(&arguments.scene.scene, &arguments.overrides())?;
     // The walls of the ground are for pictures: questions are answered by what the format names.
     loaded.scene.terrain.sides = false;
     let rays = rays::read(&arguments.rays).map_err(anyhow::Error::from)?;

@@ -97,24 +97,36 @@ impl Representation {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SolverKind {
-    /// One polynomial along the ray in Bernstein form, bracketed: finds every first crossing.
+    /// One polynomial along the ray in Bernstein form, bracketed: finds every first crossing, the fastest.
     #[default]
     Univariate,
-    /// The two-plane Newton iteration of Martin et al. 2000.
+    /// The two-plane Newton iteration of Martin et al. 2000, guessed from subdivided Bezier hulls, proven the first or
+    /// given up: also for points displaced sideways.
     Newton,
-    /// Double precision, every root bracketed.
+    /// The report's section 2.3.1, to compare with: five steps from the patch's middle. It loses rays.
+    Report,
+    /// Bezier clipping (Nishita et al. 1990), proven the first or given up: also for points displaced sideways.
+    BezierClip,
+    /// Double precision, every root bracketed: the slow referee of the others, also for points displaced sideways.
     Reference,
 }
 impl SolverKind {
     /// Every solver, for tests and benchmarks.
-    pub const ALL: [Self; 3] = [Self::Univariate, Self::Newton, Self::Reference];
+    pub const ALL: [Self; 5] = [Self::Univariate, Self::Newton, Self::Report, Self::BezierClip, Self::Reference];
     /// The name a scene file uses.
     pub fn name(self) -> &'static str {
         match self {
             Self::Univariate => "univariate",
             Self::Newton => "newton",
+            Self::Report => "report",
+            Self::BezierClip => "bezier-clip",
             Self::Reference => "reference",
         }
+    }
+    /// Whether every first hit that double precision can tell from a graze is found: not what the report's solver
+    /// promises.
+    pub fn is_certain(self) -> bool {
+        self != Self::Report
     }
 }
 
@@ -127,7 +139,7 @@ pub struct Surface {
     pub order: u32,
     /// `spline`, `quads` or `tessellated`.
     pub representation: Representation,
-    /// `univariate`, `newton` or `reference`.
+    /// `univariate`, `newton`, `report`, `bezier-clip` or `reference`.
     pub solver: SolverKind,
     /// Metres along the ray within which a hit is found; by default from the pixel's footprint.
     #[schemars(range(min = 0.0, max = 1000000.0))]

@@ -1,5 +1,8 @@
 //! Every solver on every instruction set against the referee.
 
+mod accuracy;
+mod planted;
+
 use glam::{DVec3, Vec3};
 
 use super::audit::Audit;
@@ -17,7 +20,7 @@ impl Random {
         z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
         (z ^ z >> 31) as f64 / (u64::MAX as f64 + 1.0)
     }
-    fn within(&mut self, low: f64, high: f64) -> f64 {
+    pub(super) fn within(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.next()
     }
 }
@@ -99,11 +102,10 @@ fn no_ray_is_lost_false_or_wrong() {
         for dry in [false, true] {
             let lattice = waves(order, 40, dry, 7 + u64::from(order));
             let rays = rays(40, 16_000, 99);
-            for (solver, level) in SimdLevel::ALL
-                .into_iter()
-                .map(|level| (SolverKind::Univariate, level))
-                .chain([(SolverKind::Newton, SimdLevel::Portable), (SolverKind::Reference, SimdLevel::Portable)])
-            {
+            for (solver, level) in SimdLevel::ALL.into_iter().map(|level| (SolverKind::Univariate, level)).chain(
+                [SolverKind::Newton, SolverKind::BezierClip, SolverKind::Reference]
+                    .map(|solver| (solver, SimdLevel::Portable)),
+            ) {
                 let surface = SplineSurface::new(lattice.clone(), solver, level);
                 let (audit, gave_up) = compare(&surface, &rays);
                 let what = format!("{} {} order {order} dry {dry}", solver.name(), level.name());
@@ -113,6 +115,26 @@ fn no_ray_is_lost_false_or_wrong() {
                 assert!(gave_up <= audit.rays / 1000, "{what}: {gave_up} gave up");
             }
         }
+    }
+}
+
+#[test]
+fn the_reports_solver_is_mostly_right_and_loses_rays_as_it_did() {
+    for order in 2..=4 {
+        let lattice = waves(order, 40, false, 7);
+        let surface = SplineSurface::new(lattice, SolverKind::Report, SimdLevel::Portable);
+        let mut audit = Audit::default();
+        for packet in rays(40, 16_000, 99).chunks(LANES) {
+            let (lanes, mut hits) = (LaneRays::unbounded(packet, 1e-6), LaneHits::EMPTY);
+            surface.closest(&lanes, &mut hits, &mut SolveCounts::default());
+            assert_eq!(hits.gave_up, 0, "a root that it does not reach is a miss");
+            for (lane, (origin, direction)) in packet.iter().enumerate() {
+                let ours = (hits.hit >> lane & 1 == 1).then(|| f64::from(hits.t[lane]));
+                audit.check(surface.lattice(), origin.as_dvec3(), direction.as_dvec3(), [0.0, f64::INFINITY], ours);
+            }
+        }
+        let bad = audit.lost + audit.false_hits + audit.wrong;
+        assert!(bad > 0 && bad < audit.hits / 5, "order {order}: {audit:?}");
     }
 }
 

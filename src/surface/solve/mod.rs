@@ -4,14 +4,18 @@
 //! the patch, so that a walk from patch to patch cannot slip through a seam: a ray that comes in above the surface and
 //! stands below it at the patch's border has hit it there.
 
+mod clip;
 mod newton;
 mod polynomial;
 mod reference;
+mod report;
 mod univariate;
 
+use clip::BezierClip;
 use newton::Newton;
 pub(super) use polynomial::ray_polynomial;
 use reference::Reference;
+use report::Report;
 pub(super) use univariate::Univariate;
 
 use super::SolveCounts;
@@ -95,6 +99,8 @@ pub(super) enum Solve {
 
 /// A solver that works a ray at a time, in double precision.
 pub(super) trait RaySolver: Copy + Send + Sync {
+    /// Whether the side of the surface is carried from patch to patch, so that no ray slips through a border.
+    const CARRIES_SIGN: bool = true;
     /// The first hit; `tolerance` is a share of the stretch.
     fn first_hit(self, ray: &PatchRay, tolerance: f64, iterations: &mut u64) -> Solve;
 }
@@ -105,6 +111,10 @@ pub(super) trait RaySolver: Copy + Send + Sync {
 pub(super) enum RayAtATime {
     /// See [`Newton`].
     Newton,
+    /// See [`Report`].
+    Report,
+    /// See [`BezierClip`].
+    BezierClip,
     /// See [`Reference`].
     Reference,
 }
@@ -115,6 +125,8 @@ impl RayAtATime {
         match solver {
             SolverKind::Univariate => None,
             SolverKind::Newton => Some(Self::Newton),
+            SolverKind::Report => Some(Self::Report),
+            SolverKind::BezierClip => Some(Self::BezierClip),
             SolverKind::Reference => Some(Self::Reference),
         }
     }
@@ -124,6 +136,8 @@ impl RaySolver for RayAtATime {
     fn first_hit(self, ray: &PatchRay, tolerance: f64, iterations: &mut u64) -> Solve {
         match self {
             Self::Newton => Newton.first_hit(ray, tolerance, iterations),
+            Self::Report => Report.first_hit(ray, tolerance, iterations),
+            Self::BezierClip => BezierClip.first_hit(ray, tolerance, iterations),
             Self::Reference => Reference.first_hit(ray, tolerance, iterations),
         }
     }
@@ -166,13 +180,15 @@ impl<R: RaySolver> PatchSolver for PerLane<R> {
                     ray.window[b][a] = f64::from(window[b][a][lane]);
                 }
             }
-            let polynomial = ray_polynomial(&ray);
-            let (first, last) = (polynomial.coefficients()[0], polynomial.coefficients()[D]);
-            leaving[lane] = if last < 0.0 { -1.0 } else { 1.0 };
-            // A sign that does not continue the one carried in is a hit on the border itself.
-            if first == 0.0 || f64::from(above[lane]) * first < 0.0 {
-                hit |= 1 << lane;
-                continue;
+            if R::CARRIES_SIGN {
+                let polynomial = ray_polynomial(&ray);
+                let (first, last) = (polynomial.coefficients()[0], polynomial.coefficients()[D]);
+                leaving[lane] = if last < 0.0 { -1.0 } else { 1.0 };
+                // A sign that does not continue the one carried in is a hit on the border itself.
+                if first == 0.0 || f64::from(above[lane]) * first < 0.0 {
+                    hit |= 1 << lane;
+                    continue;
+                }
             }
             let share = f64::from(tolerance[lane]) / f64::from(length[lane]).max(f64::MIN_POSITIVE);
             match self.0.first_hit(&ray, share.clamp(1e-15, 1.0), &mut counts.iterations) {

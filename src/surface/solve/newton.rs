@@ -1,11 +1,12 @@
 //! The two-plane Newton iteration of Martin, Cohen, Fish and Shirley, "Practical Ray Tracing of Trimmed NURBS Surfaces",
 //! 2000: the ray is the meeting of two planes, and (u, v) is driven until the surface point lies on both.
 //!
-//! We depart from it where it can only hope. Guesses come from where the control polygon along the ray first crosses
-//! zero; a root is accepted as the first one only when the stretch before it is proven free of roots by its sign
-//! variations; a stretch that neither converges nor can be cleared is halved. What is left undecided is *gave up*.
+//! We depart from it where it can only hope. Guesses come from the patch's Bézier hull along the ray, subdivided: where
+//! its control polygon first crosses zero. A root is accepted as the first one only when the stretch before it is proven
+//! free of roots by its sign variations and the sign changes around it; a stretch that neither converges nor can be
+//! cleared is halved. What is left undecided at double precision's resolution is *gave up*, and so is what lies behind.
 //!
-//! At tangency the Jacobian is singular: the step is refused, and subdivision decides.
+//! *At tangency* the Jacobian is singular: the step is refused, and subdivision decides.
 
 use super::{PatchRay, RaySolver, Solve, ray_polynomial};
 use crate::math::Bernstein;
@@ -13,8 +14,8 @@ use crate::surface::lattice::basis;
 
 /// Newton steps for one guess: it squares its error, so what has not settled by then will not.
 const STEPS: usize = 10;
-/// Halvings of a stretch: beyond double precision's own resolution there is nothing to gain.
-const HALVINGS: u32 = 40;
+/// Shortest stretch, as a share of the whole: below it the ends are as good as one number.
+const SHORTEST: f64 = 8.0 * f64::EPSILON;
 
 /// Martin et al.'s solver with proof of the first root.
 #[derive(Clone, Copy, Debug)]
@@ -22,7 +23,7 @@ pub(in crate::surface) struct Newton;
 
 impl RaySolver for Newton {
     fn first_hit(self, ray: &PatchRay, tolerance: f64, iterations: &mut u64) -> Solve {
-        first_within(ray, &ray_polynomial(ray), [0.0, 1.0], tolerance, HALVINGS, iterations)
+        first_within(ray, &ray_polynomial(ray), [0.0, 1.0], tolerance, iterations)
     }
 }
 
@@ -32,7 +33,6 @@ fn first_within(
     polynomial: &Bernstein,
     range: [f64; 2],
     tolerance: f64,
-    halvings: u32,
     iterations: &mut u64,
 ) -> Solve {
     let coefficients = polynomial.coefficients();
@@ -44,29 +44,32 @@ fn first_within(
     let guess = start + (end - start) * polygon_crossing(coefficients);
     if let Some(root) = two_plane_newton(ray, guess, tolerance, iterations)
         && (start..=end).contains(&root)
+        && is_first(polynomial, (root - start) / (end - start), tolerance / (end - start))
     {
-        // The first root lies before this one, or is this one: ask only the stretch up to just before it.
-        let before = (root - start) / (end - start) - tolerance / (end - start);
-        if before <= 0.0 || polynomial.split(before).0.variations() == 0 {
-            return Solve::Hit(root);
-        }
+        return Solve::Hit(root);
     }
-    if halvings == 0 || end - start <= tolerance.max(8.0 * f64::EPSILON) {
+    if end - start <= SHORTEST {
         // Ends of different sign prove a root here; equal ends prove nothing either way.
         return if coefficients[0] * last <= 0.0 { Solve::Hit(0.5 * (start + end)) } else { Solve::GaveUp };
     }
     let middle = 0.5 * (start + end);
     let (left, right) = polynomial.split(0.5);
-    match first_within(ray, &left, [start, middle], tolerance, halvings - 1, iterations) {
-        Solve::Hit(s) => Solve::Hit(s),
-        Solve::Miss => first_within(ray, &right, [middle, end], tolerance, halvings - 1, iterations),
-        // A stretch of the tolerance's size whose ends agree: the ray touches there. It is not the first *certain*
-        // hit, but nothing after it may be called first either, unless that stretch is clear.
-        Solve::GaveUp => match first_within(ray, &right, [middle, end], tolerance, halvings - 1, iterations) {
-            Solve::Hit(s) if s - middle > 4.0 * tolerance => Solve::Hit(s),
-            _ => Solve::GaveUp,
-        },
+    match first_within(ray, &left, [start, middle], tolerance, iterations) {
+        Solve::Miss => first_within(ray, &right, [middle, end], tolerance, iterations),
+        // Whatever lies behind a doubt, it is not certain to be the first.
+        found => found,
     }
+}
+
+/// Whether the first root of `polynomial` in 0..1 lies within `tolerance` of `root`: none before, and a change of sign
+/// around it.
+///
+/// Newton's iteration ends where its steps are short. That may be beside a place where the surface only comes near the
+/// ray, or at the second of two roots.
+fn is_first(polynomial: &Bernstein, root: f64, tolerance: f64) -> bool {
+    let (before, after) = ((root - tolerance).max(0.0), (root + tolerance).min(1.0));
+    let (clear, _) = polynomial.split(before);
+    (before == 0.0 || clear.variations() == 0) && polynomial.value(before) * polynomial.value(after) <= 0.0
 }
 
 /// Where the control polygon first crosses zero, 0..1: the guess.
@@ -138,7 +141,7 @@ fn two_plane_newton(ray: &PatchRay, guess: f64, tolerance: f64, iterations: &mut
 }
 
 /// Height and slopes in u and v of the patch.
-fn surface(ray: &PatchRay, u: f64, v: f64) -> (f64, f64, f64) {
+pub(super) fn surface(ray: &PatchRay, u: f64, v: f64) -> (f64, f64, f64) {
     let ((bu, du), (bv, dv)) = (basis(ray.order, u), basis(ray.order, v));
     let (mut height, mut along_u, mut along_v) = (0.0, 0.0, 0.0);
     for b in 0..ray.order {
