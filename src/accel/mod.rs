@@ -5,6 +5,7 @@
 
 mod brute;
 pub mod bsp;
+pub mod columns;
 pub mod embree;
 mod lanes;
 mod order;
@@ -16,12 +17,14 @@ use std::sync::Arc;
 
 use brute::Brute;
 use bsp::{Bsp, Plan};
+use columns::Columns;
 pub use embree::EmbreeAccel;
 use pair::Pair;
 
 pub use crate::ffi::embree::EmbreeError;
 use crate::lower::{Discs, Lowered, Material, Part, Shape, Spheres, Triangles};
 use crate::scene::{Accel, ObjectsAccel, WaterAccel};
+use crate::surface::audit::Audit;
 use crate::surface::{BruteSurface, LaneSurface, SolveCounts};
 
 /// No part was hit.
@@ -220,6 +223,17 @@ pub enum AccelError {
         /// The part.
         part: u32,
     },
+    /// The report's walk was asked to work with a solver that is not its own.
+    #[error(
+        "part {part}: surface.solver is \"{solver}\", but accel.water = \"columns\" walks with the report's own solver; \
+         expected no solver, or another accelerator"
+    )]
+    Solver {
+        /// The part.
+        part: u32,
+        /// The solver's name.
+        solver: &'static str,
+    },
     /// Arrays that belong together differ in length.
     #[error("part {part}: {count} {what}, expected one per centre, {expected}")]
     Length {
@@ -281,6 +295,10 @@ pub trait Accelerator: Send + Sync {
     fn occluded(&self, rays: &RayBatch, occluded: &mut Vec<bool>, counts: &mut SolveCounts);
     /// Name, memory, build time.
     fn stats(&self) -> AccelStats;
+    /// Rays so far that were traced again exactly, and how many of them differ; `None` where no ray can.
+    fn audit(&self) -> Option<Audit> {
+        None
+    }
 }
 
 /// Builds the accelerators that a scene names over all parts; a hit's part is the index in `lowered.parts`.
@@ -297,10 +315,18 @@ pub fn build(lowered: &Lowered, settings: &Accel) -> Result<Box<dyn Accelerator>
         (WaterAccel::Brute, ObjectsAccel::Brute) => return brute(all(&|_| true)),
         _ => {}
     }
-    let (on_water, others) = (all(&on_water_axis), all(&|part| !on_water_axis(part)));
+    let serves = match settings.water {
+        WaterAccel::Columns => columns::serves,
+        _ => on_water_axis,
+    };
+    let (on_water, others) = (all(&serves), all(&|part| !serves(part)));
     let water = |geometry: Vec<_>| match settings.water {
         WaterAccel::Embree => embree(&geometry),
         WaterAccel::Brute => brute(geometry),
+        WaterAccel::Columns => {
+            let parts = (0..).zip(&lowered.parts).filter(|(_, part)| serves(part));
+            Columns::new(parts).map(|columns| Box::new(columns) as Box<dyn Accelerator>)
+        }
     };
     let objects = |geometry: Vec<_>| match settings.objects {
         ObjectsAccel::Embree => embree(&geometry),
@@ -462,6 +488,8 @@ mod tests {
             (WaterAccel::Embree, Objects::Bsp, "embree + bsp"),
             (WaterAccel::Brute, Objects::BspSah, "brute + bsp-sah"),
             (WaterAccel::Brute, Objects::BspReport, "brute + bsp-report"),
+            // The water is triangles here, which the walk leaves to the objects' accelerator.
+            (WaterAccel::Columns, Objects::BspReport, "bsp-report"),
         ] {
             let settings = Accel { water, objects, ..Accel::default() };
             let accel = build(&lowered, &settings).unwrap();

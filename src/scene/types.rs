@@ -561,6 +561,8 @@ pub enum WaterAccel {
     /// Embree 4.
     #[default]
     Embree,
+    /// Column by column with the report's own solver, as its sections 2.3.1 and 2.3.2: loses and misplaces rays.
+    Columns,
     /// Everything against everything.
     Brute,
 }
