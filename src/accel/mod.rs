@@ -5,6 +5,7 @@
 
 mod brute;
 pub mod bsp;
+mod clusters;
 pub mod columns;
 pub mod embree;
 mod lanes;
