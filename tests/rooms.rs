@@ -15,7 +15,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("terrain", &["scene", "state", "surface"]),
     ("sim", &["simd", "scene", "state", "terrain"]),
     ("lower", &["simd", "scene", "state", "surface", "particles", "terrain"]),
-    ("accel", &["ffi", "scene", "surface", "lower"]),
+    ("accel", &["simd", "ffi", "scene", "surface", "lower"]),
     ("optics", &["scene"]),
     ("output", &["ffi", "scene"]),
     ("render", &["scene", "state", "surface", "particles", "terrain", "lower", "accel", "optics", "output"]),

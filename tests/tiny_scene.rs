@@ -197,6 +197,23 @@ fn every_accelerator_draws_the_same_picture_as_embree() {
 }
 
 #[test]
+fn the_reports_accelerators_draw_nearly_that_picture_and_tell_what_they_lose() {
+    let folder = folder();
+    let arguments = ["--frame", "0", "-o", "a.exr", "--accel", "report", "--stats", "stats.json"];
+    let output = done(render(folder.path(), &arguments));
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(told.contains("columns: of ") && told.contains("traced again exactly"), "{told}");
+    let text = std::fs::read_to_string(folder.path().join("stats.json")).expect("statistics");
+    let stats: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let count = |name: &str| stats["audit"][name].as_u64().unwrap_or_else(|| panic!("{name}: {}", stats["audit"]));
+    // One in 256 of the rays; some meet the water, and few of them are wrong.
+    assert!(count("rays") > 100 && count("hits") > 20, "{}", stats["audit"]);
+    assert!(count("lost") + count("false") + count("wrong") < count("rays") / 10, "{}", stats["audit"]);
+    let difference = distance(&frame_0(&[]), &picture(&folder.path().join("a.exr")));
+    assert!(difference > 0.0 && difference < 0.05, "root mean square difference {difference}");
+}
+
+#[test]
 fn a_frame_that_is_not_there_ends_with_code_2() {
     let folder = folder();
     let output = render(folder.path(), &["--frame", "7", "-o", "a.exr"]).output().expect("the program starts");

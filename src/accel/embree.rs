@@ -3,29 +3,40 @@
 //! Packets always go through rtcIntersect16/rtcOccluded16 (8 or 4 wide on narrower processors), the last one masked, so
 //! that a ray's bits do not depend on how many rays came with it. Where a packet reaches a surface's box, the callback
 //! notes it, and the surface is asked once for a block of packets (see `block`): its solver's lanes are then refilled, and
-//! objects already found end the rays. Spheres are Embree's own
-//! points (front hit, else the back one); discs are its oriented ones.
+//! what Embree has found by itself ends the rays. Spheres (front hit, else the back one) and discs are held in clusters of
+//! our own, one user primitive per part; Embree's own points are there for benchmarks.
 
 use std::sync::Arc;
 use std::time::Instant;
 
 use super::block::{BLOCK, Block};
+use super::clusters;
 use super::lanes::{IDENTITY, LaneGeometry, LanePayload};
 use super::{AccelError, AccelStats, Accelerator, Geometry, HitBatch, NO_PART, RayBatch, count_primitives};
 use crate::ffi::embree::{
     CommittedScene, Device, INVALID_GEOMETRY, Ray, Ray16, RayHit, RayHit16, SceneBuilder, Valid16,
 };
+use crate::simd::SimdLevel;
 use crate::surface::{LANES, LaneRays, LaneSurface, SolveCounts};
 
 // A miss needs no translation.
 const _: () = assert!(NO_PART == INVALID_GEOMETRY);
+
+/// Who holds spheres and discs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Particles {
+    /// Clusters of sixteen, as user geometry.
+    Clusters,
+    /// Embree.
+    Points,
+}
 
 /// An Embree scene over parts.
 pub struct EmbreeAccel {
     scene: CommittedScene<LanePayload>,
     device: Device,
     build_seconds: f64,
-    /// The surfaces, in the order in which callbacks number them.
+    /// What stands behind callbacks, surfaces and clusters, in the order in which they number themselves.
     surfaces: Vec<(u32, Arc<dyn LaneSurface>)>,
     primitives: Vec<(String, u64)>,
 }
@@ -44,24 +55,52 @@ impl EmbreeAccel {
     /// # Errors
     /// Embree is missing or unsuitable, geometry has an index out of range, or memory ran out.
     pub fn new(geometry: &[(u32, Geometry)]) -> Result<Self, AccelError> {
-        Self::with_settings(geometry, rayon::current_num_threads(), "")
+        Self::with_settings(geometry, Particles::Clusters, rayon::current_num_threads(), "")
     }
 
-    fn with_settings(geometry: &[(u32, Geometry)], threads: usize, settings: &str) -> Result<Self, AccelError> {
+    /// As [`EmbreeAccel::new`], with spheres and discs as Embree's own points: a rival of benchmarks. Its packets and its
+    /// single rays differ in the last bits of t.
+    ///
+    /// # Errors
+    /// As [`EmbreeAccel::new`].
+    pub fn with_points(geometry: &[(u32, Geometry)]) -> Result<Self, AccelError> {
+        Self::with_settings(geometry, Particles::Points, rayon::current_num_threads(), "")
+    }
+
+    fn with_settings(
+        geometry: &[(u32, Geometry)],
+        particles: Particles,
+        threads: usize,
+        settings: &str,
+    ) -> Result<Self, AccelError> {
         let start = Instant::now();
         super::check(geometry)?;
         let device = Device::new(threads, settings)?;
         let mut builder = SceneBuilder::new(&device)?;
-        let mut surfaces = Vec::new();
+        let simd = SimdLevel::detect();
+        let mut surfaces: Vec<(u32, Arc<dyn LaneSurface>)> = Vec::new();
+        let mut user = |builder: &mut SceneBuilder<LanePayload>, part, surface: Arc<dyn LaneSurface>| {
+            let number = surfaces.len();
+            surfaces.push((part, Arc::clone(&surface)));
+            builder.user(part, Arc::new(LaneGeometry { number, surface }))
+        };
         for (part, geometry) in geometry {
             match geometry {
                 Geometry::Lanes(surface) => {
-                    let number = surfaces.len();
-                    surfaces.push((*part, Arc::clone(surface)));
-                    builder.user(*part, Arc::new(LaneGeometry { number, surface: Arc::clone(surface) }))?;
+                    user(&mut builder, *part, Arc::clone(surface))?;
                 }
-                Geometry::Spheres(spheres) => builder.spheres(*part, &spheres.center, &spheres.radius)?,
-                Geometry::Discs(discs) => builder.discs(*part, &discs.center, &discs.radius, &discs.normal)?,
+                Geometry::Spheres(spheres) if particles == Particles::Points => {
+                    builder.spheres(*part, &spheres.center, &spheres.radius)?;
+                }
+                Geometry::Discs(discs) if particles == Particles::Points => {
+                    builder.discs(*part, &discs.center, &discs.radius, &discs.normal)?;
+                }
+                Geometry::Spheres(spheres) => {
+                    user(&mut builder, *part, clusters::of_spheres(spheres, simd))?;
+                }
+                Geometry::Discs(discs) => {
+                    user(&mut builder, *part, clusters::of_discs(discs, simd))?;
+                }
                 Geometry::Triangles(mesh) => builder.triangles(*part, &mesh.position, &mesh.index)?,
             }
         }
@@ -71,7 +110,7 @@ impl EmbreeAccel {
     }
 
     /// As [`Accelerator::closest`], but one ray at a time through rtcIntersect1: the baseline of benchmarks, not for
-    /// pictures (spheres differ from packets in the last bits).
+    /// pictures (triangles may differ from packets in the last bits).
     pub fn closest_single(&self, rays: &RayBatch, hits: &mut HitBatch, counts: &mut SolveCounts) {
         hits.reset(rays.len());
         let mut payload = LanePayload { tolerance_growth: rays.tolerance_growth, ..LanePayload::SOLVING };
@@ -315,7 +354,7 @@ mod tests {
     #[test]
     fn callbacks_carry_rays_tolerances_counts_and_doubt() {
         for settings in ["", "isa=avx2", "isa=avx", "isa=sse4.2"] {
-            let accel = EmbreeAccel::with_settings(&plane(), 1, settings).unwrap();
+            let accel = EmbreeAccel::with_settings(&plane(), Particles::Clusters, 1, settings).unwrap();
             for count in [1, 4, 15, 16, 17, 40] {
                 let mut rays = RayBatch { tolerance_growth: 0.5, ..RayBatch::default() };
                 for index in 0..count {
@@ -448,7 +487,7 @@ mod tests {
         }
         let scene = [(0, Geometry::Spheres(Arc::new(spheres)))];
         let rays = random_rays(4000, 8);
-        let build = |threads| EmbreeAccel::with_settings(&scene, threads, "").unwrap();
+        let build = |threads| EmbreeAccel::with_settings(&scene, Particles::Points, threads, "").unwrap();
         let one = trace(&build(1), &rays).0;
         for threads in [1, 2, 5, 5, 5] {
             let other = trace(&build(threads), &rays).0;
@@ -456,6 +495,25 @@ mod tests {
                 assert_eq!(bits(&one, index), bits(&other, index), "ray {index}, {threads} threads");
             }
         }
+    }
+
+    #[test]
+    fn clusters_and_embrees_own_points_are_hit_alike() {
+        let mut scene = random_scene(12);
+        scene.retain(|(_, geometry)| matches!(geometry, Geometry::Spheres(_) | Geometry::Discs(_)));
+        let (ours, points) = (EmbreeAccel::new(&scene).unwrap(), EmbreeAccel::with_points(&scene).unwrap());
+        let rays = random_rays(4000, 13);
+        let ((ours, _), (points, _)) = (trace(&ours, &rays), trace(&points, &rays));
+        let (mut hits, mut edges) = (0, 0);
+        for index in 0..rays.len() {
+            if (ours.part[index], ours.primitive[index]) != (points.part[index], points.primitive[index]) {
+                edges += 1;
+            } else if ours.part[index] != NO_PART {
+                hits += 1;
+                assert!((ours.t[index] - points.t[index]).abs() < 0.01 * (1.0 + points.t[index]), "ray {index}");
+            }
+        }
+        assert!(hits > 1500 && edges <= 3, "{hits} hits, {edges} differ");
     }
 
     #[test]
@@ -476,7 +534,7 @@ mod tests {
     #[test]
     fn memory_returns_when_a_scene_goes() {
         let spheres = Spheres { center: vec![Vec3::ONE; 10_000], radius: vec![0.5; 10_000] };
-        let accel = EmbreeAccel::new(&[(0, Geometry::Spheres(Arc::new(spheres)))]).unwrap();
+        let accel = EmbreeAccel::with_points(&[(0, Geometry::Spheres(Arc::new(spheres)))]).unwrap();
         let device = accel.device.clone();
         let held = device.memory();
         drop(accel);

@@ -6,6 +6,8 @@
 mod block;
 mod brute;
 pub mod bsp;
+mod clusters;
+pub mod columns;
 pub mod embree;
 mod lanes;
 mod pair;
@@ -17,6 +19,7 @@ use std::sync::Arc;
 
 use brute::Brute;
 use bsp::{Bsp, Plan};
+use columns::Columns;
 pub use embree::EmbreeAccel;
 use pair::Pair;
 use stream::Stream;
@@ -24,6 +27,7 @@ use stream::Stream;
 pub use crate::ffi::embree::EmbreeError;
 use crate::lower::{Discs, Lowered, Material, Part, Shape, Spheres, Triangles};
 use crate::scene::{Accel, ObjectsAccel, WaterAccel};
+use crate::surface::audit::Audit;
 use crate::surface::{BruteSurface, LaneSurface, SolveCounts};
 
 /// No part was hit.
@@ -228,6 +232,17 @@ pub enum AccelError {
         /// The part.
         part: u32,
     },
+    /// The report's walk was asked to work with a solver that is not its own.
+    #[error(
+        "part {part}: surface.solver is \"{solver}\", but accel.water = \"columns\" walks with the report's own solver; \
+         expected no solver, or another accelerator"
+    )]
+    Solver {
+        /// The part.
+        part: u32,
+        /// The solver's name.
+        solver: &'static str,
+    },
     /// Arrays that belong together differ in length.
     #[error("part {part}: {count} {what}, expected one per centre, {expected}")]
     Length {
@@ -289,6 +304,10 @@ pub trait Accelerator: Send + Sync {
     fn occluded(&self, rays: &RayBatch, occluded: &mut Vec<bool>, counts: &mut SolveCounts);
     /// Name, memory, build time.
     fn stats(&self) -> AccelStats;
+    /// Rays so far that were traced again exactly, and how many of them differ; `None` where no ray can.
+    fn audit(&self) -> Option<Audit> {
+        None
+    }
 }
 
 /// Builds the accelerators that a scene names over all parts; a hit's part is the index in `lowered.parts`.
@@ -306,14 +325,21 @@ pub fn build(lowered: &Lowered, settings: &Accel) -> Result<Box<dyn Accelerator>
         _ => {}
     }
     // The stream serves surfaces only: triangles that stand in for them are objects to it.
-    let surfaces_only = settings.water == WaterAccel::Stream;
     let is_surface = |part: &Part| matches!(part.shape, Shape::Surface(_) | Shape::Sides(_));
-    let on_water = |part: &Part| if surfaces_only { is_surface(part) } else { on_water_axis(part) };
-    let (on_water, others) = (all(&on_water), all(&|part| !on_water(part)));
+    let serves = |part: &Part| match settings.water {
+        WaterAccel::Stream => is_surface(part),
+        WaterAccel::Columns => columns::serves(part),
+        _ => on_water_axis(part),
+    };
+    let (on_water, others) = (all(&serves), all(&|part| !serves(part)));
     let water = |geometry: Vec<_>| match settings.water {
         WaterAccel::Embree => embree(&geometry),
         WaterAccel::Stream => Stream::new(&geometry).map(|stream| Box::new(stream) as Box<dyn Accelerator>),
         WaterAccel::Brute => brute(geometry),
+        WaterAccel::Columns => {
+            let parts = (0..).zip(&lowered.parts).filter(|(_, part)| serves(part));
+            Columns::new(parts).map(|columns| Box::new(columns) as Box<dyn Accelerator>)
+        }
     };
     let objects = |geometry: Vec<_>| match settings.objects {
         ObjectsAccel::Embree => embree(&geometry),
@@ -475,6 +501,8 @@ mod tests {
             (WaterAccel::Embree, Objects::Bsp, "embree + bsp"),
             (WaterAccel::Brute, Objects::BspSah, "brute + bsp-sah"),
             (WaterAccel::Brute, Objects::BspReport, "brute + bsp-report"),
+            // The water is triangles here, which the walk leaves to the objects' accelerator.
+            (WaterAccel::Columns, Objects::BspReport, "bsp-report"),
         ] {
             let settings = Accel { water, objects, ..Accel::default() };
             let accel = build(&lowered, &settings).unwrap();

@@ -2,6 +2,7 @@
 
 use super::{AccelStats, Accelerator, HitBatch, RayBatch};
 use crate::surface::SolveCounts;
+use crate::surface::audit::Audit;
 
 /// Water and objects, each in an accelerator of its own. Both number their hits by the full list of parts.
 pub(super) struct Pair {
@@ -54,5 +55,12 @@ impl Accelerator for Pair {
             bytes: water.bytes + objects.bytes,
             primitives: water.primitives.into_iter().chain(objects.primitives).collect(),
         }
+    }
+
+    fn audit(&self) -> Option<Audit> {
+        let mut audits = self.water.audit().into_iter().chain(self.objects.audit());
+        let mut sum = audits.next()?;
+        audits.for_each(|audit| sum += audit);
+        Some(sum)
     }
 }

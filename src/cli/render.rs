@@ -90,6 +90,15 @@ pub fn run(arguments: &RenderArgs) -> Result<Outcome, CliError> {
     if stats.gave_up > 0 {
         tracing::warn!("the solver gave up on {} rays; they count as misses", stats.gave_up);
     }
+    if let Some(audit) = stats.audit {
+        tracing::warn!(
+            "columns: of {} rays that were traced again exactly, {} lost, {} false, {} misplaced",
+            audit.rays,
+            audit.lost,
+            audit.false_hits,
+            audit.wrong
+        );
+    }
     if stats.nonfinite > 0 {
         tracing::warn!("{} contributions were not finite and were dropped", stats.nonfinite);
     }
@@ -230,6 +239,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         write_s: clock.elapsed().as_secs_f64(),
         parts: part_names(&lowered.lowered),
         accelerator: accelerator.stats(),
+        audit: accelerator.audit(),
         particles_left_out: lowered.spray.without_size + lowered.spray.out_of_range,
         render,
         files,

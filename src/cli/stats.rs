@@ -10,6 +10,7 @@ use crate::lower::Lowered;
 use crate::output::WriteReport;
 use crate::render::{RayCounts, RenderStats};
 use crate::surface::SolveCounts;
+use crate::surface::audit::Audit;
 
 /// One frame.
 #[derive(Clone, Debug, Serialize)]
@@ -30,6 +31,8 @@ pub struct FrameStats {
     pub parts: Vec<String>,
     /// The acceleration structure.
     pub accelerator: AccelStats,
+    /// Rays traced again exactly and how many of them differ, for accelerators that lose rays.
+    pub audit: Option<Audit>,
     /// Files written.
     pub files: Vec<WriteReport>,
     /// Particles left out: no size, or out of single precision's range.
@@ -61,6 +64,8 @@ pub struct RunStats {
     pub solve: SolveCounts,
     /// Rays on which a solver gave up, all frames.
     pub gave_up: u64,
+    /// Rays traced again exactly and how many of them differ, all frames, for accelerators that lose rays.
+    pub audit: Option<Audit>,
     /// Pixels with a value beyond half's range, all files.
     pub saturated_pixels: u64,
     /// Contributions that were not finite and were dropped.
@@ -83,6 +88,9 @@ impl RunStats {
         self.rays += frame.render.rays;
         self.solve += frame.render.solve;
         self.gave_up += frame.render.solve.gave_up;
+        if let Some(audit) = frame.audit {
+            *self.audit.get_or_insert_default() += audit;
+        }
         self.nonfinite += frame.render.nonfinite;
         self.saturated_pixels += frame.files.iter().map(|file| file.saturated_pixels).sum::<u64>();
         self.frames.push(frame);

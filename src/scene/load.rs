@@ -191,7 +191,7 @@ mod tests {
             ("surface.representation", &["quads", "tessellated", "spline"][..]),
             ("water.fresnel", &["exact", "schlick"]),
             ("particles.representation", &["spheres"]),
-            ("accel.water", &["embree", "brute"]),
+            ("accel.water", &["embree", "columns", "brute"]),
             ("accel.objects", &["embree", "bsp", "bsp-sah", "bsp-report", "brute"]),
         ] {
             for name in names {
@@ -202,6 +202,16 @@ mod tests {
         for order in 2..=4 {
             assert_eq!(good(&format!("[surface]\norder = {order}"), &[]).surface.order, order);
         }
+    }
+
+    #[test]
+    fn the_reports_walk_takes_no_solver_but_its_own() {
+        assert_eq!(good("", &["accel.water=columns"]).surface.solver, crate::scene::SolverKind::Univariate);
+        let text = format!("{COMPLETE}[surface]\nsolver = \"newton\"\n[accel]\nwater = \"columns\"\n");
+        let messages = messages(&text, &[]);
+        assert_eq!(messages.len(), 1, "{messages:?}");
+        let expected = "`accel.water` = \"columns\": expected another accelerator for surface.solver = \"newton\"";
+        assert!(messages[0].contains(expected), "{messages:?}");
     }
 
     #[test]

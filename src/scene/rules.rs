@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::document::Node;
 use super::errors::SceneError;
-use super::{Scene, SkyKind};
+use super::{Scene, SkyKind, SolverKind, WaterAccel};
 
 /// Schlick's reflectance of water at normal incidence in the report's preset: ((1.333 - 1) / (1.333 + 1))^2, rounded.
 const REPORT_R0: f64 = 0.02;
@@ -42,6 +42,7 @@ pub(super) fn check(scene: &Scene, root: &Node, known: &[SceneError]) -> Vec<Sce
     rules.camera(scene);
     rules.sky(scene);
     rules.sun(scene);
+    rules.accelerators(scene);
     if let Some(simulation) = &scene.simulation {
         rules.simulation(simulation);
     }
@@ -155,6 +156,23 @@ impl Rules<'_> {
                 self.missing(key, *expected);
             }
         }
+    }
+
+    /// The report's walk has a solver of its own; a scene that names another asks for what cannot be.
+    fn accelerators(&mut self, scene: &Scene) {
+        let solver = scene.surface.solver;
+        if scene.accel.water != WaterAccel::Columns
+            || solver == SolverKind::default()
+            || solver.name() == "report"
+            || !self.sound(&["accel.water", "surface.solver"])
+        {
+            return;
+        }
+        let expected = format!(
+            "another accelerator for surface.solver = \"{}\": columns walks with the report's own solver alone",
+            solver.name()
+        );
+        self.inconsistent("accel.water", expected);
     }
 
     fn sun(&mut self, scene: &Scene) {

@@ -579,6 +579,8 @@ pub enum WaterAccel {
     Embree,
     /// Our own walk over whole batches without Embree, sixteen rays at a time, lanes refilled.
     Stream,
+    /// Column by column with the report's own solver, as its sections 2.3.1 and 2.3.2: loses and misplaces rays.
+    Columns,
     /// Everything against everything.
     Brute,
 }

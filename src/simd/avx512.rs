@@ -145,6 +145,18 @@ impl Simd for Avx512 {
         with_token!(F(_mm512_abs_ps(a.0)))
     }
     #[inline(always)]
+    fn prefetch<T>(self, soon: &T) {
+        let start = std::ptr::from_ref(soon).cast::<i8>();
+        for line in 0..size_of::<T>().div_ceil(64) {
+            // SAFETY: a prefetch reads nothing, whatever the address; the token proves that there is the instruction.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(64 * line)) };
+        }
+    }
+    #[inline(always)]
+    fn sqrt(self, a: F) -> F {
+        with_token!(F(_mm512_sqrt_ps(a.0)))
+    }
+    #[inline(always)]
     fn flip_by_sign(self, a: F, sign: F) -> F {
         with_token!(F(_mm512_xor_ps(a.0, _mm512_and_ps(sign.0, _mm512_set1_ps(-0.0)))))
     }

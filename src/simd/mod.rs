@@ -135,6 +135,8 @@ pub(crate) trait Simd: Copy + Send + Sync + 'static {
     fn max(self, a: Self::F, b: Self::F) -> Self::F;
     /// Magnitude.
     fn abs(self, a: Self::F) -> Self::F;
+    /// Square root, correctly rounded; not a number for what has none.
+    fn sqrt(self, a: Self::F) -> Self::F;
     /// `a` with its sign turned where `sign` is negative (by the sign bit).
     fn flip_by_sign(self, a: Self::F, sign: Self::F) -> Self::F;
     /// `a < b`.
@@ -185,6 +187,10 @@ pub(crate) trait Simd: Copy + Send + Sync + 'static {
         index: Self::I,
         mask: Self::M,
     ) -> [[Self::F; K]; K];
+
+    /// Asks for the cache lines of something that is soon to be read; changes nothing.
+    #[inline(always)]
+    fn prefetch<T>(self, _soon: &T) {}
 
     /// Whether no lane is set.
     #[inline(always)]

@@ -141,6 +141,10 @@ impl Simd for Portable {
         F(a.0.map(f32::abs))
     }
     #[inline(always)]
+    fn sqrt(self, a: F) -> F {
+        F(a.0.map(f32::sqrt))
+    }
+    #[inline(always)]
     fn flip_by_sign(self, a: F, sign: F) -> F {
         F(from_fn(|lane| f32::from_bits(a.0[lane].to_bits() ^ (sign.0[lane].to_bits() & 0x8000_0000))))
     }

@@ -127,6 +127,10 @@ impl<const FUSED: bool> Simd for Single<FUSED> {
         F(a.0.abs())
     }
     #[inline(always)]
+    fn sqrt(self, a: F) -> F {
+        F(a.0.sqrt())
+    }
+    #[inline(always)]
     fn flip_by_sign(self, a: F, sign: F) -> F {
         F(f32::from_bits(a.0.to_bits() ^ (sign.0.to_bits() & 0x8000_0000)))
     }

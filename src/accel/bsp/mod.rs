@@ -7,7 +7,7 @@
 mod build;
 mod check;
 mod leaf;
-mod primitive;
+pub(super) mod primitive;
 #[cfg(test)]
 mod tests;
 mod walk;

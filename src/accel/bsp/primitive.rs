@@ -11,18 +11,18 @@ const MOST: u64 = 1 << 27;
 
 /// A box along the axes, closed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Aabb {
-    pub(super) low: Vec3,
-    pub(super) high: Vec3,
+pub(in crate::accel) struct Aabb {
+    pub(in crate::accel) low: Vec3,
+    pub(in crate::accel) high: Vec3,
 }
 
 impl Aabb {
-    pub(super) const EMPTY: Self = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
+    pub(in crate::accel) const EMPTY: Self = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
 
-    pub(super) fn union(self, other: Self) -> Self {
+    pub(in crate::accel) fn union(self, other: Self) -> Self {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
-    pub(super) fn is_empty(self) -> bool {
+    pub(in crate::accel) fn is_empty(self) -> bool {
         !self.low.cmple(self.high).all()
     }
     pub(super) fn intersection(self, other: Self) -> Self {
@@ -36,7 +36,7 @@ impl Aabb {
         halves
     }
     /// Half of the surface (m²).
-    pub(super) fn half_area(self) -> f32 {
+    pub(in crate::accel) fn half_area(self) -> f32 {
         let size = self.high - self.low;
         size.x * size.y + size.y * size.z + size.z * size.x
     }
@@ -49,7 +49,7 @@ impl Aabb {
 
 /// One primitive by value.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Primitive {
+pub(in crate::accel) enum Primitive {
     Sphere { center: Vec3, radius: f32 },
     Disc { center: Vec3, radius: f32, normal: Vec3 },
     Triangle([Vec3; 3]),
@@ -59,7 +59,7 @@ impl Primitive {
     /// A box around it; `None` for what no ray can hit.
     ///
     /// A triangle's grows by `pad` (see [`Objects::pad`]).
-    pub(super) fn bounds(&self, pad: f64) -> Option<Aabb> {
+    pub(in crate::accel) fn bounds(&self, pad: f64) -> Option<Aabb> {
         let bounds = match *self {
             Self::Sphere { center, radius } => {
                 let reach = DVec3::splat(radius.into());

@@ -11,10 +11,10 @@ mod reference;
 mod report;
 mod univariate;
 
-use clip::BezierClip;
-use newton::Newton;
+pub(super) use clip::BezierClip;
+pub(super) use newton::Newton;
 pub(super) use polynomial::ray_polynomial;
-use reference::Reference;
+pub(super) use reference::Reference;
 use report::Report;
 pub(super) use univariate::Univariate;
 
