@@ -9,6 +9,7 @@ pub mod embree;
 mod lanes;
 mod order;
 mod pair;
+mod patches;
 #[cfg(test)]
 mod testing;
 
