@@ -125,9 +125,18 @@ impl SplineSurface {
         let (lattice, pyramid) = (&self.lattice, &self.pyramid);
         if N == 1 {
             return match lattice.order {
-                2 => dispatch_single(simd, Walk::<_, 2, 2, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
-                3 => dispatch_single(simd, Walk::<_, 3, 4, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
-                _ => dispatch_single(simd, Walk::<_, 4, 6, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts }),
+                2 => dispatch_single(
+                    simd,
+                    Walk::<_, 2, 2, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts },
+                ),
+                3 => dispatch_single(
+                    simd,
+                    Walk::<_, 3, 4, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts },
+                ),
+                _ => dispatch_single(
+                    simd,
+                    Walk::<_, 4, 6, ANY, N> { lattice, pyramid, range, solver, rays, hits, counts },
+                ),
             };
         }
         match lattice.order {

@@ -264,7 +264,13 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
 
     /// Plumb rays stay in one cell: on a border, in one that has a patch.
     #[cold]
-    fn settle_plumb<const L: usize>(&self, active: u16, start: &mut Start<L>, origin: &[[f64; L]; 3], direction: &[[f64; L]; 3]) {
+    fn settle_plumb<const L: usize>(
+        &self,
+        active: u16,
+        start: &mut Start<L>,
+        origin: &[[f64; L]; 3],
+        direction: &[[f64; L]; 3],
+    ) {
         for lane in (0..L).filter(|&lane| direction[0][lane] == 0.0 && direction[1][lane] == 0.0) {
             if start.length[lane] >= 0.0 && active >> lane & 1 == 1 {
                 let at = [origin[0][lane], origin[1][lane]];
