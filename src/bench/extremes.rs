@@ -97,9 +97,9 @@ fn contestants(lattice: &Lattice, settings: &Settings) -> Result<Vec<Rival>, Ben
         let (surface, ms) = rivals::spline(lattice, solver, simd);
         if solver == SolverKind::default() {
             let embree = EmbreeAccel::new(&[(0, Geometry::Lanes(surface.clone()))])?;
-            contestants.push(rivals::of_spline("embree", &surface, simd, Tracer::Packets(Arc::new(embree)), ms));
+            contestants.push(rivals::of_spline("embree", &surface, settings, Tracer::Packets(Arc::new(embree)), ms));
         }
-        contestants.push(rivals::of_spline("stream", &surface, simd, Tracer::Stream(surface.clone()), ms));
+        contestants.push(rivals::of_spline("stream", &surface, settings, Tracer::Stream(surface.clone()), ms));
     }
     let (surface, _) = rivals::spline(lattice, SolverKind::default(), simd);
     contestants.extend(rivals::baselines(&surface)?.into_iter().skip(1).take(1));

@@ -148,18 +148,20 @@ pub fn in_turns(turns: &[Turn], any: bool, settings: &Settings) -> Vec<Speed> {
 /// Seconds to answer all batches; threads take the next batch when they are done with one.
 pub fn seconds(tracer: &Tracer, any: bool, batches: &[RayBatch], threads: usize) -> f64 {
     let next = AtomicUsize::new(0);
+    let work = || {
+        let (mut answers, mut counts) = (Answers::default(), SolveCounts::default());
+        while let Some(rays) = batches.get(next.fetch_add(1, Ordering::Relaxed)) {
+            tracer.trace(any, rays, &mut answers, &mut counts);
+            black_box(&answers);
+        }
+        black_box(counts);
+    };
     let start = Instant::now();
     std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                let (mut answers, mut counts) = (Answers::default(), SolveCounts::default());
-                while let Some(rays) = batches.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    tracer.trace(any, rays, &mut answers, &mut counts);
-                    black_box(&answers);
-                }
-                black_box(counts);
-            });
+        for _ in 1..threads {
+            scope.spawn(work);
         }
+        work();
     });
     start.elapsed().as_secs_f64()
 }

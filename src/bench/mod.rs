@@ -4,6 +4,7 @@
 //! times and judges, `sheet` and `rows` say and save, `plot` draws rows.
 
 pub mod extremes;
+pub mod kernels;
 pub mod leaks;
 pub mod measure;
 pub mod particles;

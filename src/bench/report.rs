@@ -165,12 +165,12 @@ pub fn run(settings: &Settings, out: &mut impl Write) -> Result<(), BenchError> 
     )
 }
 
-/// Medians over a few runs.
+/// Medians over a few runs; one where it is to be quick.
 fn several<const N: usize>(
     settings: &Settings,
     mut once: impl FnMut() -> Result<[f64; N], BenchError>,
 ) -> Result<[f64; N], BenchError> {
-    let runs = (0..settings.rounds().min(5)).map(|_| once()).collect::<Result<Vec<_>, _>>()?;
+    let runs = (0..if settings.quick { 1 } else { 5 }).map(|_| once()).collect::<Result<Vec<_>, _>>()?;
     Ok(std::array::from_fn(|k| median(&mut runs.iter().map(|run| run[k]).collect::<Vec<_>>())))
 }
 

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::BenchError;
 use super::measure::Rival;
 use super::tracer::Tracer;
+use super::{BenchError, Settings};
 use crate::accel::embree::EmbreeAccel;
 use crate::accel::{self, Accelerator, Geometry};
 use crate::lower::{Lowered, Material, Part, Shape, Triangles};
@@ -13,15 +13,17 @@ use crate::scene::{Accel, SolverKind, WaterAccel};
 use crate::simd::SimdLevel;
 use crate::surface::{LaneSurface, Lattice, SplineSurface, tessellate};
 
-/// Accelerators of the water that are asked as the renderer asks them, with the rays that they are timed over at most,
-/// for a count of columns. Embree and the splines' own walk are asked in more ways, below.
+/// Accelerators of the water that are asked as the renderer asks them, with the rays that they are timed over at most
+/// for a count of columns (0: left out). Embree and the splines' own walk are asked in more ways, below.
 const THROUGH_THE_SEAM: &[(WaterAccel, fn(usize) -> usize)] = &[
-    // Every patch for every ray: as many rays as make four million patches.
-    (WaterAccel::Brute, |columns| (4_000_000 / columns).clamp(16, 4096)),
+    // Every patch for every ray: as many rays as make four million patches; beyond that, none would be answered in time.
+    (WaterAccel::Brute, |columns| if columns > 200_000 { 0 } else { (4_000_000 / columns).clamp(16, 4096) }),
 ];
 
 /// Rays that solvers which work one ray at a time are timed over.
-const SLOW: usize = 20_000;
+fn few(settings: &Settings) -> usize {
+    if settings.quick { 2_000 } else { 20_000 }
+}
 
 /// Whether a solver has kernels of its own for 16 rays.
 pub(super) fn is_wide(solver: SolverKind) -> bool {
@@ -59,17 +61,23 @@ pub(super) fn seam(surface: Arc<SplineSurface>, water: WaterAccel) -> Result<Box
 }
 
 /// A rival that is a spline's: with its solver, its instruction set and its order.
-pub(super) fn of_spline(name: &str, surface: &SplineSurface, simd: SimdLevel, tracer: Tracer, build_ms: f64) -> Rival {
+pub(super) fn of_spline(
+    name: &str,
+    surface: &SplineSurface,
+    settings: &Settings,
+    tracer: Tracer,
+    build_ms: f64,
+) -> Rival {
     let solver = surface.solver();
     Rival {
         name: name.to_owned(),
         solver: solver.name().to_owned(),
-        simd: if is_wide(solver) { simd.name().to_owned() } else { String::new() },
+        simd: if is_wide(solver) { settings.simd.name().to_owned() } else { String::new() },
         order: surface.lattice().order as u32,
         tracer,
         build_ms,
         bytes: surface.bytes() as f64,
-        most_rays: if is_wide(solver) { usize::MAX } else { SLOW },
+        most_rays: if is_wide(solver) { usize::MAX } else { few(settings) },
     }
 }
 
@@ -105,15 +113,15 @@ pub(super) fn baselines(surface: &SplineSurface) -> Result<Vec<Rival>, BenchErro
 ///
 /// # Errors
 /// A structure cannot be made.
-pub(super) fn ours(lattice: &Lattice, simd: SimdLevel, all: bool) -> Result<Vec<Rival>, BenchError> {
+pub(super) fn ours(lattice: &Lattice, settings: &Settings, all: bool) -> Result<Vec<Rival>, BenchError> {
     let mut rivals = Vec::new();
     let default = SolverKind::default();
     let others = SolverKind::ALL.into_iter().filter(|solver| all && *solver != default);
     for solver in std::iter::once(default).chain(others) {
-        let (surface, bounds_ms) = spline(lattice, solver, simd);
+        let (surface, bounds_ms) = spline(lattice, solver, settings.simd);
         let embree = Arc::new(EmbreeAccel::new(&[(0, Geometry::Lanes(surface.clone()))])?);
         let stats = embree.stats();
-        let mut add = |name: &str, tracer, ms| rivals.push(of_spline(name, &surface, simd, tracer, ms));
+        let mut add = |name: &str, tracer, ms| rivals.push(of_spline(name, &surface, settings, tracer, ms));
         let embree_ms = bounds_ms + stats.build_seconds * 1e3;
         add("embree", Tracer::Packets(embree.clone()), embree_ms);
         add("stream", Tracer::Stream(surface.clone()), bounds_ms);
@@ -127,14 +135,15 @@ pub(super) fn ours(lattice: &Lattice, simd: SimdLevel, all: bool) -> Result<Vec<
         }
     }
     if all {
-        let (surface, bounds_ms) = spline(lattice, default, simd);
-        for &(water, most) in THROUGH_THE_SEAM {
+        let (surface, bounds_ms) = spline(lattice, default, settings.simd);
+        let columns = lattice.cells.iter().product();
+        for &(water, most) in THROUGH_THE_SEAM.iter().filter(|(_, most)| most(columns) > 0) {
             let accel = seam(surface.clone(), water)?;
             let stats = accel.stats();
             let ms = bounds_ms + stats.build_seconds * 1e3;
-            let mut rival = of_spline(&stats.name, &surface, simd, Tracer::Seam(accel), ms);
+            let mut rival = of_spline(&stats.name, &surface, settings, Tracer::Seam(accel), ms);
             rival.bytes = stats.bytes as f64;
-            rival.most_rays = most(lattice.cells.iter().product());
+            rival.most_rays = most(columns);
             if water == WaterAccel::Brute {
                 // It asks no solver but the referee's own.
                 (rival.solver, rival.simd) = (String::new(), String::new());

@@ -41,7 +41,7 @@ fn one_size(size: [usize; 2], settings: &Settings, sheet: &mut Sheet) -> Result<
     let (plain, _) = rivals::spline(&lattices[0], SolverKind::default(), settings.simd);
     let mut rivals = rivals::baselines(&plain)?;
     for (index, lattice) in lattices.iter().enumerate() {
-        rivals.extend(rivals::ours(lattice, settings.simd, index == 0)?);
+        rivals.extend(rivals::ours(lattice, settings, index == 0)?);
     }
     let columns = (size[0] * size[1]) as f64;
     sheet.say(&format!("\n{} columns; ratios to {}", size_name(size), rivals[0].title()))?;

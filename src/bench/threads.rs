@@ -20,7 +20,7 @@ pub fn run(settings: &Settings, out: &mut impl Write) -> Result<(), BenchError> 
     for &size in &settings.sizes {
         let lattice = work::surface(size, 3)?;
         let (surface, _) = rivals::spline(&lattice, SolverKind::default(), settings.simd);
-        let all = rivals::ours(&lattice, settings.simd, false)?;
+        let all = rivals::ours(&lattice, settings, false)?;
         sheet.say(&format!("\n{} columns; ratios to one thread", size_name(size)))?;
         for class in RayClass::ALL {
             let rays = Arc::new(measure::split(&work::rays(class, &surface, settings.share())));

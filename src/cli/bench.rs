@@ -3,8 +3,11 @@
 use std::io::{self, Write};
 use std::num::NonZeroUsize;
 
+use clap::ValueEnum;
+
 use super::args::{BenchArgs, Benchmark, SimdChoice};
 use super::errors::{CliError, Outcome};
+use super::values::Malformed;
 use crate::bench::{self, BenchError, Settings};
 
 /// Runs the command.
@@ -12,6 +15,7 @@ use crate::bench::{self, BenchError, Settings};
 /// # Errors
 /// Embree is missing, a file of rows cannot be written, or a benchmark found what must not be.
 pub fn run(arguments: &BenchArgs) -> Result<Outcome, CliError> {
+    refuse(arguments)?;
     let simd = arguments.simd.level()?;
     let sizes = arguments.columns.iter().map(|size| [size.nx as usize, size.nz as usize]).collect::<Vec<_>>();
     let what = arguments.what;
@@ -49,6 +53,28 @@ pub fn run(arguments: &BenchArgs) -> Result<Outcome, CliError> {
     }
     out.flush().map_err(CliError::Output)?;
     Ok(Outcome::Done)
+}
+
+/// Refuses options that the benchmark has no use for.
+fn refuse(arguments: &BenchArgs) -> Result<(), CliError> {
+    use Benchmark::{Extremes, Leaks, Particles, Report, Surface, Threads, Trade};
+    let options: [(&str, bool, &[Benchmark]); 4] = [
+        ("--plot", arguments.plot.is_some(), &[Surface, Particles, Trade, Extremes]),
+        ("--rays", arguments.rays.is_some(), &[Surface, Particles, Trade, Report, Extremes, Threads, Leaks]),
+        ("--audit", arguments.audit.is_some(), &[Surface, Particles, Trade, Extremes]),
+        ("--particles", !arguments.particles.is_empty(), &[Particles, Report]),
+    ];
+    for (option, given, takers) in options {
+        if given && !takers.contains(&arguments.what) {
+            let name =
+                |what: &Benchmark| what.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned());
+            let names = takers.iter().map(name).collect::<Vec<_>>().join(", ");
+            let problem =
+                Malformed { expected: format!("one of the benchmarks {names}, not {}", name(&arguments.what)) };
+            return Err(CliError::Option { option, problem });
+        }
+    }
+    Ok(())
 }
 
 /// Threads where none are named: rays are compared thread by thread; what simulates, leaks or scales has all processors.

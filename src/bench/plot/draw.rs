@@ -11,7 +11,6 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, register_font};
 
 use crate::bench::BenchError;
-use crate::bench::sheet::number;
 
 /// Named points: x, y, and what is written beside.
 pub(super) struct Series {
@@ -65,7 +64,7 @@ const COLOURS: [RGBColor; 14] = [
 
 const INK: RGBColor = RGBColor(0x22, 0x22, 0x22);
 const GRID: RGBColor = RGBColor(0xdd, 0xdd, 0xdd);
-const LEGEND: u32 = 330;
+const LEGEND: u32 = 290;
 
 /// Writes `NAME.svg` and `NAME.png` into the folder, which is made if it is not there.
 pub(super) fn save(directory: &Path, name: &str, title: &str, panels: &[Panel]) -> Result<(), BenchError> {
@@ -129,9 +128,10 @@ fn draw<B: DrawingBackend>(
     }
     for (k, name) in names.iter().enumerate() {
         let y = 40 + 24 * k as i32;
-        let square = Rectangle::new([(12, y), (30, y + 13)], colour(k).filled());
-        right.draw(&square).map_err(failed)?;
-        if !panels[0].is_bars() {
+        if panels[0].is_bars() {
+            right.draw(&Rectangle::new([(12, y), (30, y + 13)], colour(k).filled())).map_err(failed)?;
+        } else {
+            right.draw(&PathElement::new(vec![(8, y + 6), (34, y + 6)], colour(k).stroke_width(3))).map_err(failed)?;
             marker(&right, (21, y + 6), k, 5)?;
         }
         let style = ("sans-serif", 16).into_font().color(&INK);
@@ -151,23 +151,19 @@ fn marker<B: DrawingBackend>(
     k: usize,
     size: i32,
 ) -> Result<(), BenchError> {
-    let style = colour(k).filled();
-    let edge = WHITE.stroke_width(1);
-    match k % 3 {
-        0 => {
-            area.draw(&Circle::new(at, size, style)).map_err(failed)?;
-            area.draw(&Circle::new(at, size, edge)).map_err(failed)
-        }
-        1 => {
-            area.draw(&TriangleMarker::new(at, size + 1, style)).map_err(failed)?;
-            area.draw(&TriangleMarker::new(at, size + 1, edge)).map_err(failed)
-        }
-        _ => {
-            let corners = [(at.0 - size, at.1 - size), (at.0 + size, at.1 + size)];
-            area.draw(&Rectangle::new(corners, style)).map_err(failed)?;
-            area.draw(&Rectangle::new(corners, edge)).map_err(failed)
+    // A white one under it: an edge that keeps crossing curves apart.
+    for (size, colour) in [(size + 1, WHITE), (size, colour(k))] {
+        let style = colour.filled();
+        match k % 3 {
+            0 => area.draw(&Circle::new(at, size, style)).map_err(failed)?,
+            1 => area.draw(&TriangleMarker::new(at, size + 1, style)).map_err(failed)?,
+            _ => {
+                let corners = [(at.0 - size, at.1 - size), (at.0 + size, at.1 + size)];
+                area.draw(&Rectangle::new(corners, style)).map_err(failed)?;
+            }
         }
     }
+    Ok(())
 }
 
 /// Text around a point.
@@ -288,10 +284,12 @@ fn curves<B: DrawingBackend>(area: &DrawingArea<B, Shift>, panel: &Panel, names:
     };
     // Boxes that are taken by text: what would lie on one is left out, the table has it.
     let mut taken: Vec<[i32; 4]> = Vec::new();
-    for series in &panel.series {
+    for (above, series) in panel.series.iter().enumerate() {
+        // The first are the widest: where curves coincide, each is still seen beside the ones drawn over it.
+        let width = 2 + 2 * (panel.series.len() - 1 - above).min(3) as u32;
         let k = names.iter().position(|name| *name == series.name).unwrap_or(0);
         let path: Vec<(i32, i32)> = series.points.iter().map(place).collect();
-        area.draw(&PathElement::new(path.clone(), colour(k).stroke_width(2))).map_err(failed)?;
+        area.draw(&PathElement::new(path.clone(), colour(k).stroke_width(width))).map_err(failed)?;
         for at in path {
             marker(area, at, k, 4)?;
         }
@@ -317,7 +315,7 @@ fn curves<B: DrawingBackend>(area: &DrawingArea<B, Shift>, panel: &Panel, names:
 fn bars<B: DrawingBackend>(area: &DrawingArea<B, Shift>, panel: &Panel, names: &[&str]) -> Result<(), BenchError> {
     let frame = Frame::of(area, panel)?;
     let highest = panel.series.iter().flat_map(|series| &series.points).map(|point| point.1).fold(1.0, f64::max);
-    let top = highest * 1.12;
+    let top = highest * 1.15;
     let step = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0].into_iter().find(|s| top / s <= 8.0).unwrap_or(100.0);
     let height = |value: f64| frame.bottom - (value / top * f64::from(frame.bottom - frame.top)).round() as i32;
     for k in 0..=(top / step) as u32 {
@@ -340,8 +338,9 @@ fn bars<B: DrawingBackend>(area: &DrawingArea<B, Shift>, panel: &Panel, names: &
             let rectangle = Rectangle::new([(from, height(point.1)), (to, frame.bottom)], colour(k).filled());
             area.draw(&rectangle).map_err(failed)?;
             let at = ((from + to) / 2, height(point.1) - 4);
-            let small = if point.1 >= 1.0 { format!("{:.1}", point.1) } else { number(point.1)[..4].to_owned() };
-            label(area, &small, at, 11, (HPos::Center, VPos::Bottom), false)?;
+            let digits = if point.1 >= 1.0 { 1 } else { 2 };
+            // Upwards, so that neighbours do not run into each other.
+            label(area, &format!("{:.digits$}", point.1), at, 12, (HPos::Left, VPos::Center), true)?;
         }
     }
     // The baseline's height.

@@ -10,7 +10,7 @@ mod reference;
 mod univariate;
 
 pub(super) use newton::Newton;
-pub(super) use polynomial::ray_polynomial;
+pub(super) use polynomial::{lane_polynomial, ray_polynomial};
 pub(super) use reference::Reference;
 pub(super) use univariate::Univariate;
 
