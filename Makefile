@@ -1,4 +1,4 @@
-.PHONY: build full render test bindings embree packages help
+.PHONY: build full render test count bindings embree packages help
 
 FULL = --release --locked --features oiio
 
@@ -7,6 +7,7 @@ help:
 	@echo 'make full     the same with OpenImageIO (installs Debian packages when it may)'
 	@echo 'make render   build, then render scenes/valley to out/valley.exr and out/valley.png'
 	@echo 'make test     full, then every test'
+	@echo 'make count    print instructions per ray of the inner loops, counted by valgrind'
 	@echo 'make bindings EMBREE_INCLUDE=DIR   make ffi/embree/bindings.rs anew from DIR/embree4/*.h and check it'
 
 embree:
@@ -28,6 +29,9 @@ render: build
 
 test: full
 	cargo test $(FULL) --no-fail-fast
+
+count: embree
+	@scripts/count-instructions.sh
 
 bindings:
 	EMBREE_WRITE=1 cargo test --features regen --lib embree::tests

@@ -3,7 +3,8 @@
 # there and we may use it; otherwise names the packages and goes on: if they are really missing, the build says so next.
 set -euo pipefail
 
-packages=(g++ pkg-config libopenimageio-dev openimageio-tools)
+# valgrind counts instructions for `make count`; nothing is built with it.
+packages=(g++ pkg-config libopenimageio-dev openimageio-tools valgrind)
 
 missing=()
 if command -v dpkg-query >/dev/null; then
@@ -35,6 +36,6 @@ fi
 
 echo "Packages: OpenImageIO is needed for this build. Not installing it by myself; please install" >&2
 echo "  Debian, Ubuntu: sudo apt-get install ${packages[*]}" >&2
-echo "  Fedora:         sudo dnf install gcc-c++ pkgconf OpenImageIO-devel OpenImageIO-utils" >&2
+echo "  Fedora:         sudo dnf install gcc-c++ pkgconf OpenImageIO-devel OpenImageIO-utils valgrind" >&2
 echo "  Homebrew:       brew install pkgconf openimageio" >&2
 echo "Going on in case it is already there." >&2

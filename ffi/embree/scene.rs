@@ -11,7 +11,7 @@ use super::EmbreeError;
 use super::bindings::{
     RTCBufferType, RTCBuildQuality, RTCFeatureFlags, RTCFormat, RTCGeometry, RTCGeometryType, RTCIntersectArguments,
     RTCOccludedArguments, RTCRay, RTCRay4, RTCRay8, RTCRay16, RTCRayHit, RTCRayHit4, RTCRayHit8, RTCRayHit16,
-    RTCRayQueryFlags, RTCScene, RTCSceneFlags,
+    RTCRayQueryFlags, RTCScene, RTCSceneFlags, RTCSubdivisionMode,
 };
 use super::device::{Device, PacketWidth};
 use super::packet::{Context, PacketGeometry, bounds_callback, intersect_callback, occluded_callback};
@@ -26,9 +26,16 @@ pub(crate) struct SceneBuilder<P> {
     scene: Scene<P>,
 }
 
-/// A scene that answers rays.
+/// A scene that answers rays; clones share it.
 pub(crate) struct CommittedScene<P> {
-    scene: Scene<P>,
+    scene: Arc<Scene<P>>,
+    rays: RTCRayQueryFlags,
+}
+
+impl<P> Clone for CommittedScene<P> {
+    fn clone(&self) -> Self {
+        Self { scene: Arc::clone(&self.scene), rays: self.rays }
+    }
 }
 
 /// The handle and everything that Embree points to from it.
@@ -120,6 +127,63 @@ impl<P: 'static> SceneBuilder<P> {
         geometry.attach(&self.scene, id)
     }
 
+    /// A rectangle of `size` vertices, row by row, as Embree's compact grid of quadrilaterals; numbered by quadrilateral.
+    ///
+    /// # Errors
+    /// A count of vertices that is not the rectangle's, or sides outside 2..=32767.
+    pub(crate) fn grid(&mut self, id: u32, position: &[Vec3], size: [u32; 2]) -> Result<(), EmbreeError> {
+        rectangle(id, position.len(), size)?;
+        let geometry = self.geometry(id, RTCGeometryType::RTC_GEOMETRY_TYPE_GRID, 1)?;
+        // struct RTCGrid: first vertex, vertices per row, then both sides in 16 bits each.
+        let [wide, high] = size.map(|side| (side as u16).to_ne_bytes());
+        let sides = u32::from_ne_bytes([wide[0], wide[1], high[0], high[1]]);
+        let (float3, grid) = (RTCFormat::RTC_FORMAT_FLOAT3, RTCFormat::RTC_FORMAT_GRID);
+        geometry.buffer(RTCBufferType::RTC_BUFFER_TYPE_VERTEX, float3, position.iter().map(Vec3::to_array))?;
+        geometry.buffer(RTCBufferType::RTC_BUFFER_TYPE_GRID, grid, [[0, size[0], sides]].into_iter())?;
+        geometry.attach(&self.scene, id)
+    }
+
+    /// A rectangle of `size` control points, row by row, as a Catmull-Clark surface of quadrilaterals without those at
+    /// its edge: inside, where all is regular, the uniform bicubic B-spline of these points. Embree cuts each
+    /// quadrilateral's edges into `level` pieces.
+    ///
+    /// # Errors
+    /// As [`Self::grid`].
+    pub(crate) fn subdivision(
+        &mut self,
+        id: u32,
+        position: &[Vec3],
+        size: [u32; 2],
+        level: f32,
+    ) -> Result<(), EmbreeError> {
+        rectangle(id, position.len(), size)?;
+        let [across, down] = size.map(|side| side as usize - 1);
+        let geometry = self.geometry(id, RTCGeometryType::RTC_GEOMETRY_TYPE_SUBDIVISION, across * down)?;
+        let (float3, uint) = (RTCFormat::RTC_FORMAT_FLOAT3, RTCFormat::RTC_FORMAT_UINT);
+        // Counter-clockwise from above, as our triangles: along z first.
+        let corner = |k: usize| {
+            let (face, corner) = (k / 4, k % 4);
+            let (a, b) = (face % across, face / across);
+            let (a, b) = [(a, b), (a, b + 1), (a + 1, b + 1), (a + 1, b)][corner];
+            [(b * size[0] as usize + a) as u32]
+        };
+        geometry.buffer(RTCBufferType::RTC_BUFFER_TYPE_FACE, uint, (0..across * down).map(|_| [4u32]))?;
+        geometry.buffer(RTCBufferType::RTC_BUFFER_TYPE_INDEX, uint, (0..4 * across * down).map(corner))?;
+        geometry.buffer(RTCBufferType::RTC_BUFFER_TYPE_VERTEX, float3, position.iter().map(Vec3::to_array))?;
+        let embree = self.scene.device.embree();
+        // SAFETY: the geometry lives and is a subdivision surface; topology 0 is the one that it starts with.
+        unsafe {
+            embree.rtcSetGeometryTessellationRate(geometry.handle, level);
+            embree.rtcSetGeometrySubdivisionMode(
+                geometry.handle,
+                0,
+                RTCSubdivisionMode::RTC_SUBDIVISION_MODE_NO_BOUNDARY,
+            );
+        }
+        self.scene.device.check("rtcSetGeometrySubdivisionMode")?;
+        geometry.attach(&self.scene, id)
+    }
+
     /// Geometry of our own, as one primitive.
     pub(crate) fn user<G: PacketGeometry<Payload = P>>(&mut self, id: u32, own: Arc<G>) -> Result<(), EmbreeError> {
         let geometry = self.geometry(id, RTCGeometryType::RTC_GEOMETRY_TYPE_USER, 1)?;
@@ -143,7 +207,7 @@ impl<P: 'static> SceneBuilder<P> {
         // SAFETY: the scene lives and we are its only owner.
         unsafe { self.scene.device.embree().rtcCommitScene(self.scene.handle) };
         self.scene.device.check("rtcCommitScene")?;
-        Ok(CommittedScene { scene: self.scene })
+        Ok(CommittedScene { scene: Arc::new(self.scene), rays: RTCRayQueryFlags::RTC_RAY_QUERY_FLAG_INCOHERENT })
     }
 
     fn geometry(&self, id: u32, kind: RTCGeometryType, count: usize) -> Result<Geometry, EmbreeError> {
@@ -162,6 +226,21 @@ impl<P: 'static> SceneBuilder<P> {
         device.check("rtcNewGeometry")?;
         Ok(Geometry { device, handle })
     }
+}
+
+/// Refuses a rectangle of vertices that a grid cannot number.
+fn rectangle(geometry: u32, count: usize, size: [u32; 2]) -> Result<(), EmbreeError> {
+    let problem = |what: &str, value: u64, expected: String| {
+        Err(EmbreeError::Geometry { geometry, what: what.to_owned(), value, expected })
+    };
+    if let Some(&side) = size.iter().find(|side| !(2..=32767).contains(*side)) {
+        return problem("a side of the grid", side.into(), "2 to 32767 vertices".to_owned());
+    }
+    let expected = size.iter().map(|&side| side as usize).product::<usize>();
+    if count != expected {
+        return problem("the count of vertices", count as u64, format!("{expected}, as the grid's sides say"));
+    }
+    Ok(())
 }
 
 fn same_length(geometry: u32, what: &str, value: usize, expected: usize) -> Result<(), EmbreeError> {
@@ -261,13 +340,18 @@ const _: () = {
 };
 
 impl<P> CommittedScene<P> {
+    /// The same scene, asked with Embree's flag for rays that lie side by side. By default it is told that they do not.
+    pub(crate) fn coherent(&self) -> Self {
+        Self { scene: Arc::clone(&self.scene), rays: RTCRayQueryFlags::RTC_RAY_QUERY_FLAG_COHERENT }
+    }
+
     /// Nearest hits of up to 16 rays.
     ///
     /// On processors that are narrower than 16 lanes the packet goes in parts of 8 or 4: given 16, Embree 4.4 falls back
     /// to single rays there, which takes about ten times as long with user geometry.
     pub(crate) fn intersect16(&self, valid: &Valid16, rays: &mut RTCRayHit16, payload: &mut P) {
         let mut context = Context::new(payload);
-        let mut arguments = intersect_arguments(&mut context);
+        let mut arguments = intersect_arguments(&mut context, self.rays);
         let (embree, scene) = (self.scene.device.embree(), self.scene.handle);
         // SAFETY: the scene is committed; all blocks are ours, aligned by their types and as large as Embree's (asserted
         // above), and live through the call. The callbacks of this scene take a `Context<P>`, as `SceneBuilder<P>::user`
@@ -289,7 +373,7 @@ impl<P> CommittedScene<P> {
     /// Nearest hit of one ray.
     pub(crate) fn intersect1(&self, ray: &mut RTCRayHit, payload: &mut P) {
         let mut context = Context::new(payload);
-        let mut arguments = intersect_arguments(&mut context);
+        let mut arguments = intersect_arguments(&mut context, self.rays);
         // SAFETY: as in `intersect16`.
         unsafe { self.scene.device.embree().rtcIntersect1(self.scene.handle, ray, &mut arguments) };
     }
@@ -297,7 +381,7 @@ impl<P> CommittedScene<P> {
     /// Whether one ray hits anything: `tfar` becomes -inf where it does.
     pub(crate) fn occluded1(&self, ray: &mut RTCRay, payload: &mut P) {
         let mut context = Context::new(payload);
-        let mut arguments = occluded_arguments(&mut context);
+        let mut arguments = occluded_arguments(&mut context, self.rays);
         // SAFETY: as in `intersect16`.
         unsafe { self.scene.device.embree().rtcOccluded1(self.scene.handle, ray, &mut arguments) };
     }
@@ -305,7 +389,7 @@ impl<P> CommittedScene<P> {
     /// Whether up to 16 rays hit anything: `tfar` becomes -inf where they do. In parts, as `intersect16`.
     pub(crate) fn occluded16(&self, valid: &Valid16, rays: &mut RTCRay16, payload: &mut P) {
         let mut context = Context::new(payload);
-        let mut arguments = occluded_arguments(&mut context);
+        let mut arguments = occluded_arguments(&mut context, self.rays);
         let (embree, scene) = (self.scene.device.embree(), self.scene.handle);
         // SAFETY: as in `intersect16`.
         unsafe {
@@ -323,9 +407,9 @@ impl<P> CommittedScene<P> {
     }
 }
 
-fn occluded_arguments<P>(context: &mut Context<P>) -> RTCOccludedArguments {
+fn occluded_arguments<P>(context: &mut Context<P>, flags: RTCRayQueryFlags) -> RTCOccludedArguments {
     RTCOccludedArguments {
-        flags: RTCRayQueryFlags::RTC_RAY_QUERY_FLAG_INCOHERENT,
+        flags,
         feature_mask: RTCFeatureFlags::RTC_FEATURE_FLAG_ALL,
         context: std::ptr::from_mut(context).cast(),
         filter: None,
@@ -333,9 +417,9 @@ fn occluded_arguments<P>(context: &mut Context<P>) -> RTCOccludedArguments {
     }
 }
 
-fn intersect_arguments<P>(context: &mut Context<P>) -> RTCIntersectArguments {
+fn intersect_arguments<P>(context: &mut Context<P>, flags: RTCRayQueryFlags) -> RTCIntersectArguments {
     RTCIntersectArguments {
-        flags: RTCRayQueryFlags::RTC_RAY_QUERY_FLAG_INCOHERENT,
+        flags,
         feature_mask: RTCFeatureFlags::RTC_FEATURE_FLAG_ALL,
         // The whole context, not only its first field: the callbacks read what lies behind it.
         context: std::ptr::from_mut(context).cast(),

@@ -11,6 +11,7 @@ pub mod columns;
 pub mod embree;
 mod lanes;
 mod pair;
+mod patches;
 mod stream;
 #[cfg(test)]
 mod testing;
@@ -22,7 +23,7 @@ use bsp::{Bsp, Plan};
 use columns::Columns;
 pub use embree::EmbreeAccel;
 use pair::Pair;
-use stream::Stream;
+pub use stream::Stream;
 
 pub use crate::ffi::embree::EmbreeError;
 use crate::lower::{Discs, Lowered, Material, Part, Shape, Spheres, Triangles};

@@ -9,11 +9,16 @@ use super::{AccelError, AccelStats, Accelerator, Geometry, HitBatch, NO_PART, Ra
 use crate::surface::{LaneSurface, SolveCounts};
 
 /// Surfaces with their parts' indices.
-pub(super) struct Stream {
+pub struct Stream {
     surfaces: Vec<(u32, Arc<dyn LaneSurface>)>,
 }
 
 impl Stream {
+    /// Over one surface, as part 0.
+    pub fn alone(surface: Arc<dyn LaneSurface>) -> Self {
+        Self { surfaces: vec![(0, surface)] }
+    }
+
     /// Takes the surfaces as they are: their bounds were built with them.
     ///
     /// # Errors

@@ -25,6 +25,8 @@ pub struct Row {
     pub simd: String,
     /// Sixteen rays a call, or one.
     pub batch: bool,
+    /// What particles are: spheres or discs.
+    pub shape: String,
     /// Class of rays.
     pub rays: String,
     /// Millions of rays per second, median over the rounds.
@@ -48,7 +50,25 @@ pub struct Row {
     pub bytes_per_column: f64,
     /// Time to build.
     pub build_ms: f64,
-    /// Particles of a simulation.
+    /// What is turned up or down: solver and tolerance, order, samples; or the axis of an extreme.
+    pub dial: String,
+    /// Where it stands.
+    pub setting: String,
+    /// The same as a number, where it is one.
+    pub value: f64,
+    /// Seconds: per ray, or per picture.
+    pub seconds: f64,
+    /// Root mean square of the error: of t in columns, or of linear light.
+    pub error_rms: f64,
+    /// Greatest error, likewise.
+    pub error_max: f64,
+    /// Memory of a structure over particles.
+    pub bytes_per_particle: f64,
+    /// The report's own time for the same.
+    pub their_ms: f64,
+    /// Ours.
+    pub our_ms: f64,
+    /// Count of particles.
     pub particles: usize,
     /// Simulation: a step, and its phases.
     pub ms_per_step: f64,
@@ -66,6 +86,15 @@ pub struct Row {
     pub cpu_features: String,
     /// Revision of the program, where it is known.
     pub commit: String,
+}
+
+impl Row {
+    /// Who was measured: `embree univariate x16`, and the order where it is not 3.
+    pub fn title(&self) -> String {
+        let words = [self.accel.as_str(), &self.solver, &self.shape, if self.batch { "x16" } else { "x1" }];
+        let title = words.into_iter().filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ");
+        if matches!(self.order, 0 | 3) { title } else { format!("{title}, order {}", self.order) }
+    }
 }
 
 /// Rows on their way to files and to the terminal.

@@ -6,7 +6,8 @@
 use std::io::Write;
 use std::sync::atomic::AtomicBool;
 
-use super::rows::{Row, Rows};
+use super::rows::Row;
+use super::sheet::{Sheet, number};
 use super::{BenchError, Settings};
 use crate::scene::{Landform, LandformKind, Simulation, SpraySettings};
 use crate::sim::{Simulator, SimulatorState, prepare, trials};
@@ -24,13 +25,9 @@ type Times = [f64; 4];
 /// # Errors
 /// The map cannot be made, the simulation fails, or a file of rows cannot be written.
 pub fn run(settings: &Settings, out: &mut impl Write) -> Result<(), BenchError> {
-    let mut rows = Rows::new(settings.csv.as_deref(), settings.json.as_deref())?;
-    writeln!(out, "{}; {} thread(s)", rows.machine(), settings.threads)?;
-    writeln!(
-        out,
-        "{:<12}{:>10}{:>10}{:>11}{:>12}{:>9}{:>9}{:>13}{:>18}",
-        "columns", "wet", "particles", "steps/s", "ms a step", "water", "spray", "turbulence", "ns a column"
-    )?;
+    let mut sheet = Sheet::new(settings, out)?;
+    let heads = ["columns", "wet", "particles", "steps/s", "ms a step", "water", "spray", "turbulence", "ns a column"];
+    sheet.table(&heads)?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(settings.threads)
         .build()
@@ -41,15 +38,9 @@ pub fn run(settings: &Settings, out: &mut impl Write) -> Result<(), BenchError> 
         let (times, wet) = pool.install(|| measure(size, particles, settings.quick))?;
         let [all, water, spray, turbulence] = times;
         let each = all * 1e6 / columns as f64;
-        writeln!(
-            out,
-            "{:<12}{:>9.0}%{particles:>10}{:>11.1}{all:>12.3}{water:>9.3}{spray:>9.3}{turbulence:>13.3}{each:>18.1}",
-            format!("{}x{}", size[0], size[1]),
-            wet * 100.0,
-            1e3 / all,
-        )?;
-        out.flush()?;
-        rows.push(Row {
+        let mut cells = vec![super::size_name(size), format!("{:.0}%", wet * 100.0), particles.to_string()];
+        cells.extend([1e3 / all, all, water, spray, turbulence, each].map(number));
+        let row = Row {
             bench: "sim".to_owned(),
             columns: format!("{}x{}", size[0], size[1]),
             particles,
@@ -59,30 +50,36 @@ pub fn run(settings: &Settings, out: &mut impl Write) -> Result<(), BenchError> 
             turbulence_ms: turbulence,
             threads: settings.threads,
             ..Row::default()
-        })?;
+        };
+        sheet.row(&cells, row)?;
     }
-    errors(settings.quick, out)
+    errors(settings.quick, &mut sheet)
 }
 
 /// Errors against closed forms, and how they fall as columns become smaller.
-fn errors(quick: bool, out: &mut impl Write) -> Result<(), BenchError> {
+fn errors(quick: bool, sheet: &mut Sheet) -> Result<(), BenchError> {
     let order = |errors: &[f64]| match errors {
         [.., coarse, fine] => format!("{:.2}", (coarse / fine).abs().log2()),
         _ => String::new(),
     };
-    let row = |out: &mut dyn Write, name: &str, errors: &[f64]| {
-        let values: String = errors.iter().map(|error| format!("{:>10.3}", error * 100.0)).collect();
-        writeln!(out, "{name:<46}{values}{:>9}", order(errors))
+    let row = |sheet: &mut Sheet, name: &str, errors: &[f64]| {
+        let mut cells = vec![name.to_owned()];
+        cells.extend((0..4).map(|k| errors.get(k).map_or_else(String::new, |error| format!("{:.3}", error * 100.0))));
+        cells.push(order(errors));
+        let finest = errors.last().map_or(0.0, |error| error.abs());
+        let row = Row { bench: "sim-errors".to_owned(), dial: name.to_owned(), error_max: finest, ..Row::default() };
+        sheet.row(&cells, row)
     };
     let finer = if quick { 2 } else { 4 };
-    writeln!(out, "\nerrors in %, each column half as wide as the one before, and the last order")?;
+    sheet.say("\nErrors in %, each with columns half as wide as the one before, and the last order of convergence.")?;
+    sheet.table(&["against closed forms", "coarse", "1/2", "1/4", "1/8", "order"])?;
     for (name, right) in [
         ("dam break over 0.5 m (Stoker), L1 of depth", 0.5),
         ("dam break over 0.1 m (Stoker)", 0.1),
         ("dam break over a dry bed (Ritter)", 0.0),
     ] {
         let errors: Vec<f64> = (0..finer).map(|level| trials::dam_break(50 << level, right)).collect();
-        row(out, name, &errors)?;
+        row(sheet, name, &errors)?;
     }
     for (name, modes) in [
         ("period of a standing wave along x", [1, 0]),
@@ -92,10 +89,10 @@ fn errors(quick: bool, out: &mut impl Write) -> Result<(), BenchError> {
     ] {
         let period =
             |level: usize| trials::period([10 << level; 2], [0.1 / f64::from(1u32 << level); 2], modes, None) - 1.0;
-        row(out, name, &(0..finer.min(3)).map(period).collect::<Vec<_>>())?;
+        row(sheet, name, &(0..finer.min(3)).map(period).collect::<Vec<_>>())?;
     }
     let weirs: Vec<f64> = (0..finer.min(3)).map(|level| trials::weir(0.2 / f64::from(1u32 << level))).collect();
-    row(out, "discharge over a broad crest, 5 columns and up", &weirs)?;
+    row(sheet, "discharge over a broad crest, 5 columns and up", &weirs)?;
     Ok(())
 }
 

@@ -44,10 +44,15 @@ impl Random {
 /// # Errors
 /// The order is not 2, 3 or 4.
 pub fn surface(size: [usize; 2], order: u32) -> Result<Lattice, LatticeError> {
+    Lattice::new(order, size, [0.5, 0.5], [1.0, 1.0], &heights(size), |_| true)
+}
+
+/// Its heights, row by row.
+pub fn heights(size: [usize; 2]) -> Vec<f64> {
     let mut random = Random::new(1);
     let wave =
         |x: f64, z: f64, kx: f64, kz: f64, length: f64, phase: f64| (TAU * (kx * x + kz * z) / length + phase).sin();
-    let heights: Vec<f64> = (0..size[0] * size[1])
+    (0..size[0] * size[1])
         .map(|k| {
             let (x, z) = ((k % size[0]) as f64 + 0.5, (k / size[0]) as f64 + 0.5);
             3.0 * wave(x, z, 0.8, 0.6, 100.0, 0.0)
@@ -56,8 +61,7 @@ pub fn surface(size: [usize; 2], order: u32) -> Result<Lattice, LatticeError> {
                 + 0.25 * wave(x, z, 0.1, 1.0, 7.0, 0.0)
                 + random.within(-0.3, 0.3)
         })
-        .collect();
-    Lattice::new(order, size, [0.5, 0.5], [1.0, 1.0], &heights, |_| true)
+        .collect()
 }
 
 /// A class of rays.
@@ -98,29 +102,37 @@ impl RayClass {
 
 /// The rays of a class over the surface, `share` of the full count (0..1].
 pub fn rays(class: RayClass, surface: &SplineSurface, share: f64) -> RayBatch {
+    more_rays(class, surface, share, 0)
+}
+
+/// As [`rays`]; every `turn` after 0 draws others of the same class: pixels and grids are then shifted at random.
+pub fn more_rays(class: RayClass, surface: &SplineSurface, share: f64, turn: u64) -> RayBatch {
     let size = surface.lattice().cells.map(|n| n as f64);
     let mut batch = RayBatch::default();
     let mut push = |origin: DVec3, direction: DVec3| {
         batch.push(origin.as_vec3(), direction.as_vec3(), 0.0, f32::INFINITY, 1e-6);
     };
     let count = |full: f64| (full * share).ceil() as usize;
+    let seed = |own: u64| own + 1000 * turn;
+    let mut shift = Random::new(seed(4));
+    let mut shift = || if turn == 0 { 0.5 } else { shift.unit() };
     match class {
-        RayClass::Primary => primary(size, share, push),
+        RayClass::Primary => primary(size, share, &mut shift, push),
         RayClass::Incoherent | RayClass::Occlusion => {
-            let mut random = Random::new(2);
+            let mut random = Random::new(seed(2));
             for k in 0..count(1e6) {
                 let (point, _) = on_surface(surface, &mut random);
                 let lift = 0.2 + 15.0 * random.unit().powi(2);
                 push(point + DVec3::Y * if k % 2 == 0 { lift } else { -lift }, random.direction());
             }
         }
-        RayClass::Grazing => grazing(surface, size, count(5e5), push),
+        RayClass::Grazing => grazing(surface, size, count(5e5), seed(3), push),
         RayClass::Sun => {
             let towards =
                 DVec3::new(12f64.to_radians().cos() * 0.8, 12f64.to_radians().sin(), 12f64.to_radians().cos() * 0.6);
             let side = count(1e6).isqrt().max(1);
             for k in 0..side * side {
-                let place = |k: usize, size: f64| (k as f64 + 0.5) / side as f64 * size;
+                let mut place = |k: usize, size: f64| (k as f64 + shift()) / side as f64 * size;
                 let (x, z) = (place(k % side, size[0]), place(k / side, size[1]));
                 if let Some((y, _)) = surface.point(x, z) {
                     push(DVec3::new(x, y + 2e-3, z), towards);
@@ -142,20 +154,35 @@ fn on_surface(surface: &SplineSurface, random: &mut Random) -> (DVec3, DVec3) {
     }
 }
 
-fn primary(size: [f64; 2], share: f64, mut push: impl FnMut(DVec3, DVec3)) {
+/// Where the camera stands over a map of that size.
+pub fn eye(size: [f64; 2]) -> DVec3 {
     let least = size[0].min(size[1]);
-    let eye = DVec3::new(size[0] / 2.0, least / 4.0 + 5.0, -least / 5.0);
+    DVec3::new(size[0] / 2.0, least / 4.0 + 5.0, -least / 5.0)
+}
+
+/// The rays of [`RayClass::Primary`], which need no surface.
+pub fn camera_rays(size: [f64; 2], share: f64) -> RayBatch {
+    let mut batch = RayBatch::default();
+    primary(size, share, &mut || 0.5, |origin, direction| {
+        batch.push(origin.as_vec3(), direction.as_vec3(), 0.0, f32::INFINITY, 1e-6);
+    });
+    batch
+}
+
+fn primary(size: [f64; 2], share: f64, shift: &mut dyn FnMut() -> f64, mut push: impl FnMut(DVec3, DVec3)) {
+    let eye = eye(size);
     let forward = (DVec3::new(size[0] / 2.0, 0.0, size[1] / 2.0) - eye).normalize();
     let right = forward.cross(DVec3::Y).normalize();
     let up = right.cross(forward);
     // A share of the picture keeps the view and the tiles, with fewer pixels.
     let scale = share.sqrt();
-    let (width, height) = ((1920.0 * scale / 4.0).round() as usize * 4, (1080.0 * scale / 4.0).round() as usize * 4);
+    let side = |full: f64| ((full * scale / 4.0).round() as usize).max(1) * 4;
+    let (width, height) = (side(1920.0), side(1080.0));
     let tangent = 25f64.to_radians().tan();
     for tile in 0..width / 4 * (height / 4) {
         let (left, top) = (tile % (width / 4) * 4, tile / (width / 4) * 4);
         for pixel in 0..16 {
-            let (px, py) = ((left + pixel % 4) as f64 + 0.5, (top + pixel / 4) as f64 + 0.5);
+            let (px, py) = ((left + pixel % 4) as f64 + shift(), (top + pixel / 4) as f64 + shift());
             let across = (2.0 * px / width as f64 - 1.0) * tangent * width as f64 / height as f64;
             let down = (2.0 * py / height as f64 - 1.0) * tangent;
             push(eye, (forward + right * across - up * down).normalize());
@@ -165,8 +192,8 @@ fn primary(size: [f64; 2], share: f64, mut push: impl FnMut(DVec3, DVec3)) {
 
 /// Half within +-2e-3 of tangent planes, 20 columns before the contact; half from near the highest point at slopes of
 /// 0 to -0.03.
-fn grazing(surface: &SplineSurface, size: [f64; 2], count: usize, mut push: impl FnMut(DVec3, DVec3)) {
-    let mut random = Random::new(3);
+fn grazing(surface: &SplineSurface, size: [f64; 2], count: usize, seed: u64, mut push: impl FnMut(DVec3, DVec3)) {
+    let mut random = Random::new(seed);
     let highest = (0..200_000)
         .map(|_| on_surface(surface, &mut random).0)
         .max_by(|a, b| a.y.total_cmp(&b.y))

@@ -305,6 +305,16 @@ pub struct ConvertArgs {
 pub enum Benchmark {
     /// Rays per second, memory and errors of every way to draw the water
     Surface,
+    /// Rays per second and memory of every structure over spray
+    Particles,
+    /// Error against time, one curve per dial
+    Trade,
+    /// The 2003 report's table 6.1, row by row
+    Report,
+    /// Errors against scale, offset, distance and steepness
+    Extremes,
+    /// Rays per second by threads
+    Threads,
     /// Rays aimed at borders, corners and flat water: none may pass
     Leaks,
     /// Milliseconds a step of the simulation, by size
@@ -317,6 +327,8 @@ pub enum Benchmark {
 Examples:
   whitewater bench surface --quick
   whitewater bench surface --columns 80x20 --columns 400x400 --threads 1 --csv surface.csv
+  whitewater bench surface --audit 10000000
+  whitewater bench trade --plot out
   whitewater bench leaks --simd portable")]
 pub struct BenchArgs {
     /// What to measure
@@ -331,13 +343,28 @@ pub struct BenchArgs {
     /// Write the rows as JSON
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+    /// Write the tables as Markdown
+    #[arg(long, value_name = "FILE")]
+    pub markdown: Option<PathBuf>,
+    /// Draw plots (SVG and PNG) into this folder
+    #[arg(long, value_name = "DIR")]
+    pub plot: Option<PathBuf>,
     /// Instruction set
     #[arg(long, value_enum, default_value_t, value_name = "NAME")]
     pub simd: SimdChoice,
-    /// Threads [default: 1; of sim, all processors]
+    /// Count of particles (repeatable) [default: of particles, 2800 to 10 million; of report, 2800 and 100000]
+    #[arg(long, value_name = "N")]
+    pub particles: Vec<NonZeroUsize>,
+    /// About how many rays of each class are timed [default: 500000 to 2000000, a tenth with --quick]
+    #[arg(long, value_name = "N")]
+    pub rays: Option<NonZeroUsize>,
+    /// How many rays of each class are held against the referee [default: 100000, 10000 with --quick]
+    #[arg(long, value_name = "N")]
+    pub audit: Option<NonZeroUsize>,
+    /// Threads [default: 1; of sim, leaks and threads, all processors]
     #[arg(long, value_name = "N", value_parser = threads)]
     pub threads: Option<NonZeroUsize>,
-    /// Size of the water (repeatable) [default: 400x400; of sim, 80x20 to 2000x2000]
+    /// Size of the water (repeatable) [default: by benchmark, 64x64 to 2000x2000]
     #[arg(long, value_name = "NXxNZ")]
     pub columns: Vec<GridSize>,
 }

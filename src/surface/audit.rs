@@ -7,7 +7,7 @@
 use glam::DVec3;
 
 use super::lattice::Lattice;
-use super::referee;
+use super::referee::{self, RefereeHit};
 
 /// Counts over the rays checked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -43,9 +43,23 @@ impl Audit {
     ///
     /// *Frame:* the lattice's local frame (m); t in lengths of `direction`.
     pub fn check(&mut self, lattice: &Lattice, origin: DVec3, direction: DVec3, range: [f64; 2], answer: Option<f64>) {
+        let exact = referee::first_hit(lattice, origin, direction, range);
+        self.check_against(exact, lattice, origin, direction, range, answer);
+    }
+
+    /// As [`Self::check`], where the referee's answer `exact` to the same ray is known already: it takes longer than any
+    /// tracer, and many may be held against one answer.
+    pub fn check_against(
+        &mut self,
+        exact: Option<RefereeHit>,
+        lattice: &Lattice,
+        origin: DVec3,
+        direction: DVec3,
+        range: [f64; 2],
+        answer: Option<f64>,
+    ) {
         self.rays += 1;
         let column = lattice.width[0].min(lattice.width[1]);
-        let exact = referee::first_hit(lattice, origin, direction, range);
         self.hits += u64::from(exact.is_some());
         let per_metre = 1.0 / direction.length();
         let near = |from: f64, to: f64, slack: f64| {

@@ -3,6 +3,7 @@
 pub mod audit;
 mod brute;
 pub mod control;
+pub mod kernels;
 mod lanes;
 mod lattice;
 mod pyramid;

@@ -13,7 +13,7 @@ mod univariate;
 
 pub(super) use clip::BezierClip;
 pub(super) use newton::Newton;
-pub(super) use polynomial::ray_polynomial;
+pub(super) use polynomial::{lane_polynomial, ray_polynomial};
 pub(super) use reference::Reference;
 use report::Report;
 pub(super) use univariate::Univariate;

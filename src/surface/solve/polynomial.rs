@@ -94,7 +94,10 @@ const fn choose(n: usize, k: usize) -> usize {
 
 /// Bernstein coefficients of height above the surface along each lane; entries past D are zero.
 #[inline(always)]
-pub(super) fn lane_polynomial<S: Simd, const K: usize, const D: usize>(simd: S, segment: &Segment<S, K>) -> [S::F; 7] {
+pub(in crate::surface) fn lane_polynomial<S: Simd, const K: usize, const D: usize>(
+    simd: S,
+    segment: &Segment<S, K>,
+) -> [S::F; 7] {
     let along_u = blossom_weights::<S, K>(simd, segment.u[0], segment.u[1]);
     let along_v = blossom_weights::<S, K>(simd, segment.v[0], segment.v[1]);
     // Rows first: the blossom in u of every row of control heights.
