@@ -4,7 +4,7 @@
 //! full (Wald, On fast construction of SAH-based bounding volume hierarchies, 2007: centres in bins; few particles are
 //! sorted instead). A node cuts whichever of its children is the largest until it has sixteen.
 
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
 
 use super::super::bsp::primitive::Aabb;
@@ -137,31 +137,57 @@ impl<C: Copy + Send> Tree<C> {
     }
 }
 
+/// Where records are cut, and half the surface of what lies on either side (m²).
+struct Cut {
+    at: usize,
+    area: [f32; 2],
+}
+
 /// The records as up to sixteen groups, none empty, none larger than it need be.
 fn split_to_width(records: &mut [Record], halve: bool) -> Vec<&mut [Record]> {
-    let area = |records: &[Record]| box_of(records).half_area();
     let mut groups = Vec::with_capacity(WIDTH);
-    groups.push((area(records), records));
+    // The first has no rival, so its area does not matter.
+    groups.push((0.0, records));
     while groups.len() < WIDTH {
         let open = (0..groups.len()).filter(|&k| groups[k].1.len() > WIDTH);
         // Below the free depth the most numerous is cut, which bounds what is left.
         let size = |k: usize| if halve { groups[k].1.len() as f32 } else { groups[k].0 };
         let Some(largest) = open.max_by(|&a, &b| size(a).total_cmp(&size(b))) else { break };
         let (_, records) = groups.swap_remove(largest);
-        let at = if halve { halved(records) } else { cut(records) };
-        let (low, high) = records.split_at_mut(at);
-        groups.push((area(low), low));
-        groups.push((area(high), high));
+        let cut = if halve { halved(records) } else { cut(records) };
+        let (low, high) = records.split_at_mut(cut.at);
+        groups.push((cut.area[0], low));
+        groups.push((cut.area[1], high));
     }
     groups.into_iter().map(|(_, records)| records).collect()
 }
 
-fn box_of(records: &[Record]) -> Aabb {
-    records.iter().fold(Aabb::EMPTY, |bounds, record| bounds.union(around(record)))
+fn around(record: &Record) -> Box3 {
+    let (center, radius) = (Vec3A::from(record.center), Vec3A::splat(record.radius));
+    Box3 { low: center - radius, high: center + radius }
 }
 
-fn around(record: &Record) -> Aabb {
-    Aabb { low: record.center - record.radius, high: record.center + record.radius }
+/// A box in vector registers: growing boxes is most of the building's work.
+#[derive(Clone, Copy)]
+struct Box3 {
+    low: Vec3A,
+    high: Vec3A,
+}
+
+impl Box3 {
+    const EMPTY: Self = Self { low: Vec3A::INFINITY, high: Vec3A::NEG_INFINITY };
+
+    fn union(self, other: Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+    fn of(records: &[Record]) -> Self {
+        records.iter().fold(Self::EMPTY, |bounds, record| bounds.union(around(record)))
+    }
+    /// Half of the surface (m²).
+    fn half_area(self) -> f32 {
+        let size = self.high - self.low;
+        size.x * size.y + size.y * size.z + size.z * size.x
+    }
 }
 
 /// Clusters that some particles fill.
@@ -169,18 +195,19 @@ fn clusters(count: usize) -> f32 {
     count.div_ceil(WIDTH) as f32
 }
 
-/// Brings records into order for the best cut and returns where it is; neither side is empty.
-fn cut(records: &mut [Record]) -> usize {
+/// Brings records into order for the best cut, with something on both sides of it.
+fn cut(records: &mut [Record]) -> Cut {
     if records.len() <= SORTED { cut_sorted(records) } else { cut_binned(records).unwrap_or_else(|| halved(records)) }
 }
 
 /// In the middle of the axis along which the centres reach farthest, at whole clusters.
-fn halved(records: &mut [Record]) -> usize {
-    let (low, high) = centers(records);
-    let axis = largest(high - low);
-    let middle = (records.len() / 2).next_multiple_of(WIDTH).min(records.len() - 1);
-    records.select_nth_unstable_by(middle, |a, b| along(a, b, axis));
-    middle
+fn halved(records: &mut [Record]) -> Cut {
+    let centers = centers(records);
+    let axis = largest((centers.high - centers.low).into());
+    let at = (records.len() / 2).next_multiple_of(WIDTH).min(records.len() - 1);
+    records.select_nth_unstable_by(at, |a, b| along(a, b, axis));
+    let (low, high) = records.split_at(at);
+    Cut { at, area: [Box3::of(low).half_area(), Box3::of(high).half_area()] }
 }
 
 fn along(a: &Record, b: &Record, axis: usize) -> std::cmp::Ordering {
@@ -197,30 +224,32 @@ fn largest(size: Vec3) -> usize {
     }
 }
 
-fn centers(records: &[Record]) -> (Vec3, Vec3) {
-    records.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), record| {
-        (low.min(record.center), high.max(record.center))
+fn centers(records: &[Record]) -> Box3 {
+    records.iter().fold(Box3::EMPTY, |bounds, record| {
+        let center = Vec3A::from(record.center);
+        bounds.union(Box3 { low: center, high: center })
     })
 }
 
 /// Every cut along every axis.
-fn cut_sorted(records: &mut [Record]) -> usize {
+fn cut_sorted(records: &mut [Record]) -> Cut {
     let count = records.len();
-    let mut best = (f32::INFINITY, 0, count / 2);
+    let mut best = (f32::INFINITY, 0, Cut { at: count / 2, area: [0.0; 2] });
     let mut right = [0.0; SORTED];
     for axis in 0..3 {
         records.sort_unstable_by(|a, b| along(a, b, axis));
-        let mut bounds = Aabb::EMPTY;
+        let mut bounds = Box3::EMPTY;
         for k in (1..count).rev() {
             bounds = bounds.union(around(&records[k]));
-            right[k] = bounds.half_area() * clusters(count - k);
+            right[k] = bounds.half_area();
         }
-        let mut bounds = Aabb::EMPTY;
+        let mut bounds = Box3::EMPTY;
         for k in 1..count {
             bounds = bounds.union(around(&records[k - 1]));
-            let cost = bounds.half_area() * clusters(k) + right[k];
+            let area = [bounds.half_area(), right[k]];
+            let cost = area[0] * clusters(k) + area[1] * clusters(count - k);
             if cost < best.0 {
-                best = (cost, axis, k);
+                best = (cost, axis, Cut { at: k, area });
             }
         }
     }
@@ -231,44 +260,46 @@ fn cut_sorted(records: &mut [Record]) -> usize {
 }
 
 /// Between bins; `None` where no cut leaves something on both sides.
-fn cut_binned(records: &mut [Record]) -> Option<usize> {
-    let (low, high) = centers(records);
+fn cut_binned(records: &mut [Record]) -> Option<Cut> {
+    let centers = centers(records);
     // A place in bins; what rounding puts behind the last is in the last.
-    let scale = Vec3::splat(BINS as f32 * (1.0 - f32::EPSILON)) / (high - low);
-    let bin = |record: &Record, axis: usize| (((record.center[axis] - low[axis]) * scale[axis]) as usize).min(BINS - 1);
-    let mut bins = [[(0_usize, Aabb::EMPTY); BINS]; 3];
+    let scale = Vec3A::splat(BINS as f32 * (1.0 - f32::EPSILON)) / (centers.high - centers.low);
+    let places = |record: &Record| ((Vec3A::from(record.center) - centers.low) * scale).to_array();
+    let bin = |place: f32| (place as usize).min(BINS - 1);
+    let mut bins = [[(0_usize, Box3::EMPTY); BINS]; 3];
     for record in records.iter() {
         let bounds = around(record);
-        for (axis, bins) in bins.iter_mut().enumerate() {
-            let bin = &mut bins[bin(record, axis)];
+        for (bins, place) in bins.iter_mut().zip(places(record)) {
+            let bin = &mut bins[bin(place)];
             *bin = (bin.0 + 1, bin.1.union(bounds));
         }
     }
-    let mut best: Option<(f32, usize, usize)> = None;
+    let mut best: Option<(f32, usize, usize, [f32; 2])> = None;
     for (axis, bins) in bins.iter().enumerate() {
-        let mut right = [(0, Aabb::EMPTY); BINS];
-        let mut sum = (0, Aabb::EMPTY);
+        let mut right = [(0, Box3::EMPTY); BINS];
+        let mut sum = (0, Box3::EMPTY);
         for k in (1..BINS).rev() {
             sum = (sum.0 + bins[k].0, sum.1.union(bins[k].1));
             right[k] = sum;
         }
-        let mut left = (0, Aabb::EMPTY);
+        let mut left = (0, Box3::EMPTY);
         for k in 1..BINS {
             left = (left.0 + bins[k - 1].0, left.1.union(bins[k - 1].1));
             if left.0 == 0 || right[k].0 == 0 {
                 continue;
             }
-            let cost = left.1.half_area() * clusters(left.0) + right[k].1.half_area() * clusters(right[k].0);
+            let area = [left.1.half_area(), right[k].1.half_area()];
+            let cost = area[0] * clusters(left.0) + area[1] * clusters(right[k].0);
             if best.is_none_or(|best| cost < best.0) {
-                best = Some((cost, axis, k));
+                best = Some((cost, axis, k, area));
             }
         }
     }
-    let (_, axis, first) = best?;
-    Some(partition(records, |record| bin(record, axis) < first))
+    let (_, axis, first, area) = best?;
+    Some(Cut { at: partition(records, |record| bin(places(record)[axis]) < first), area })
 }
 
-/// Brings the records that `left` to the front; returns how many there are.
+/// Brings the records of the left side to the front; returns how many there are.
 fn partition(records: &mut [Record], left: impl Fn(&Record) -> bool) -> usize {
     let (mut front, mut back) = (0, records.len());
     while front < back {

@@ -19,7 +19,7 @@ fn particles(count: usize, seed: u64) -> (Spheres, Discs) {
             _ => clumps[index % 20] + random.vector(2.0) * random.unit(),
         };
         spheres.center.push(center);
-        spheres.radius.push(if index % 50 == 0 { 0.6 } else { 0.02 + 0.1 * random.unit() });
+        spheres.radius.push(if index % 20 == 0 { 0.8 } else { 0.05 + 0.2 * random.unit() });
     }
     discs.center.clone_from(&spheres.center);
     discs.radius.clone_from(&spheres.radius);
@@ -45,7 +45,7 @@ fn looks(from: Vec3, side: usize) -> RayBatch {
     let forward = -from.normalize();
     let right = forward.any_orthonormal_vector();
     let up = right.cross(forward);
-    let size = 13.0 / from.length();
+    let size = 6.0 / from.length();
     let mut rays = RayBatch::default();
     for tile in 0..side * side {
         for pixel in 0..16 {
@@ -118,7 +118,7 @@ fn every_instruction_set_finds_what_brute_force_finds() {
                 }
             }
         }
-        assert!(hits_seen > 1000 && edges <= 3, "{name}: {hits_seen} hits, {edges} edges");
+        assert!(hits_seen > 400 && edges <= 3, "{name}: {hits_seen} hits, {edges} edges");
     }
 }
 
@@ -127,7 +127,7 @@ fn a_ray_finds_the_same_bits_alone_in_a_beam_and_among_strangers() {
     for (name, cloud, _) in clouds(3000, 3) {
         let mut found = 0;
         for from in [Vec3::new(9.0, 25.0, -14.0), Vec3::new(-3e4, 5e4, 2e4), Vec3::new(0.4, 0.3, 0.2)] {
-            let rays = looks(from, 16);
+            let rays = looks(from, 12);
             for start in (0..rays.len()).step_by(LANES) {
                 let together = closest(cloud.as_ref(), &packet(&rays, start, u16::MAX));
                 let some = closest(cloud.as_ref(), &packet(&rays, start, 0b0110_1101_0011_0101));
@@ -155,7 +155,7 @@ fn a_ray_finds_the_same_bits_alone_in_a_beam_and_among_strangers() {
                 }
             }
         }
-        assert!(found > 2000, "{name}: {found}");
+        assert!(found > 1500, "{name}: {found}");
     }
 }
 

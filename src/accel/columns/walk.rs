@@ -177,7 +177,7 @@ impl ColumnWalk {
     fn answer(&self, rays: &LaneRays, lane: usize, any: bool, counts: &mut SolveCounts) -> Option<Root> {
         let line = Line::new(rays, lane);
         let root = self.first(&line, counts);
-        if let Some(audit) = self.audit.as_ref().filter(|_| line.seed % SAMPLE == 0) {
+        if let Some(audit) = self.audit.as_ref().filter(|_| line.seed.is_multiple_of(SAMPLE)) {
             let mut one = Audit::default();
             let (lattice, Line { origin, direction, range, .. }) = (self.surface.lattice(), line);
             if any {
