@@ -3,6 +3,7 @@
 pub mod audit;
 mod brute;
 pub mod control;
+pub mod displaced;
 mod lanes;
 mod lattice;
 mod pyramid;
@@ -15,6 +16,7 @@ pub mod tessellate;
 mod walk;
 
 pub use brute::BruteSurface;
+pub use displaced::{BruteDisplaced, DisplacedSurface};
 pub use lanes::{LANES, LaneHits, LaneRays, LaneSurface, SurfacePoint};
 pub use lattice::{Lattice, LatticeError, basis};
 pub use sides::Sides;
