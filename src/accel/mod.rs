@@ -29,7 +29,7 @@ pub use crate::ffi::embree::EmbreeError;
 use crate::lower::{Discs, Lowered, Material, Part, Shape, Spheres, Triangles};
 use crate::scene::{Accel, ObjectsAccel, WaterAccel};
 use crate::surface::audit::Audit;
-use crate::surface::{BruteSurface, LaneSurface, SolveCounts};
+use crate::surface::{BruteDisplaced, BruteSurface, LaneSurface, SolveCounts};
 
 /// No part was hit.
 pub const NO_PART: u32 = u32::MAX;
@@ -162,6 +162,7 @@ impl From<&Shape> for Geometry {
     fn from(shape: &Shape) -> Self {
         match shape {
             Shape::Surface(surface) => Self::Lanes(Arc::clone(surface) as Arc<dyn LaneSurface>),
+            Shape::Displaced(surface) => Self::Lanes(Arc::clone(surface) as Arc<dyn LaneSurface>),
             Shape::Sides(sides) => Self::Lanes(Arc::clone(sides) as Arc<dyn LaneSurface>),
             Shape::Spheres(spheres) => Self::Spheres(Arc::clone(spheres)),
             Shape::Discs(discs) => Self::Discs(Arc::clone(discs)),
@@ -174,6 +175,9 @@ impl From<&Shape> for Geometry {
 fn geometry_of(parts: &[Part], water: WaterAccel, chosen: impl Fn(&Part) -> bool) -> Vec<(u32, Geometry)> {
     let geometry = |part: &Part| match (&part.shape, water) {
         (Shape::Surface(surface), WaterAccel::Brute) => Geometry::Lanes(Arc::new(BruteSurface(Arc::clone(surface)))),
+        (Shape::Displaced(surface), WaterAccel::Brute) => {
+            Geometry::Lanes(Arc::new(BruteDisplaced(Arc::clone(surface))))
+        }
         (shape, _) => shape.into(),
     };
     (0..).zip(parts).filter(|(_, part)| chosen(part)).map(|(index, part)| (index, geometry(part))).collect()
@@ -326,7 +330,7 @@ pub fn build(lowered: &Lowered, settings: &Accel) -> Result<Box<dyn Accelerator>
         _ => {}
     }
     // The stream serves surfaces only: triangles that stand in for them are objects to it.
-    let is_surface = |part: &Part| matches!(part.shape, Shape::Surface(_) | Shape::Sides(_));
+    let is_surface = |part: &Part| matches!(part.shape, Shape::Surface(_) | Shape::Displaced(_) | Shape::Sides(_));
     let serves = |part: &Part| match settings.water {
         WaterAccel::Stream => is_surface(part),
         WaterAccel::Columns => columns::serves(part),
@@ -368,7 +372,7 @@ fn brute(geometry: Vec<(u32, Geometry)>) -> Result<Box<dyn Accelerator>, AccelEr
 
 /// `accel.water` serves the water, its sides and the bed, also where triangles stand in for the splines.
 fn on_water_axis(part: &Part) -> bool {
-    matches!(part.shape, Shape::Surface(_) | Shape::Sides(_))
+    matches!(part.shape, Shape::Surface(_) | Shape::Displaced(_) | Shape::Sides(_))
         || matches!(part.material, Material::Water | Material::Ground)
 }
 
@@ -509,6 +513,39 @@ mod tests {
             let accel = build(&lowered, &settings).unwrap();
             assert_eq!(accel.stats().name, name);
             assert_eq!(trace(accel.as_ref(), &rays).0.part, [0, 1, 2], "{name}");
+        }
+    }
+
+    #[test]
+    fn displaced_water_is_the_same_under_every_accelerator_that_takes_it() {
+        use crate::scene::SolverKind;
+        use crate::surface::{DisplacedSurface, Lattice, SimdLevel, SplineSurface};
+        let heights: Vec<f64> = (0..100).map(|k| f64::from(k % 7) * 0.3 + f64::from(k / 10 % 3) * 0.2).collect();
+        let shifts: Vec<[f64; 2]> = (0..100usize)
+            .map(|k| match (k % 10, k / 10) {
+                (1..9, 1..9) => [0.2 - 0.1 * (k % 4) as f64, 0.02 * (k % 11) as f64],
+                _ => [0.0; 2],
+            })
+            .collect();
+        let lattice = Lattice::new(3, [10, 10], [0.5; 2], [1.0; 2], &heights, |_| true).unwrap();
+        let flat = Arc::new(SplineSurface::new(lattice, SolverKind::Newton, SimdLevel::detect()));
+        let water = DisplacedSurface::new(flat, &heights, &shifts, SolverKind::Newton).unwrap();
+        let part =
+            Part { name: "water".to_owned(), material: Material::Water, shape: Shape::Displaced(Arc::new(water)) };
+        let lowered = Lowered { parts: vec![part], ..Lowered::default() };
+        let mut rays = RayBatch::default();
+        for k in 0..400 {
+            let (x, z) = ((k % 20) as f32 * 0.5 + 0.1, (k / 20) as f32 * 0.5 + 0.2);
+            rays.push(Vec3::new(x, 6.0, z), Vec3::new(0.3, -1.0, 0.2 - 0.001 * k as f32), 0.0, f32::INFINITY, 1e-6);
+        }
+        let settings = |water| Accel { water, ..Accel::default() };
+        let [embree, brute] =
+            [WaterAccel::Embree, WaterAccel::Brute].map(|water| build(&lowered, &settings(water)).unwrap());
+        let (ours, truth) = (trace(&*embree, &rays), trace(&*brute, &rays));
+        assert_eq!((&ours.0.part, &ours.1), (&truth.0.part, &truth.1));
+        assert!(truth.1.iter().filter(|&&hit| hit).count() > 300);
+        for index in (0..rays.len()).filter(|&index| truth.1[index]) {
+            assert!((ours.0.t[index] - truth.0.t[index]).abs() < 1e-5, "ray {index}");
         }
     }
 

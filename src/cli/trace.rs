@@ -109,6 +109,10 @@ fn bounds(lowered: &LoweredFrame) -> Option<[DVec3; 2]> {
                 let [low, high] = surface.bounds();
                 add(low.as_dvec3(), high.as_dvec3());
             }
+            Shape::Displaced(surface) => {
+                let [low, high] = surface.bounds();
+                add(low.as_dvec3(), high.as_dvec3());
+            }
             Shape::Sides(sides) => {
                 let [low, high] = sides.bounds();
                 add(low.as_dvec3(), high.as_dvec3());
@@ -240,8 +244,12 @@ impl Tracer<'_> {
         let mut start = if moved { near } else { 0.0 };
         let mut first: Option<(usize, exact::Polished)> = None;
         for (part, exact) in self.exact.iter().enumerate() {
-            let Exact::Spline(spline) = exact else { continue };
-            if let Some(beside) = spline.near_start(&ray) {
+            let beside = match exact {
+                Exact::Spline(spline) => spline.near_start(&ray),
+                Exact::Displaced(surface) => exact::near_displaced(surface, &ray),
+                _ => None,
+            };
+            if let Some(beside) = beside {
                 start = start.max(beside.clear);
                 if let Some(hit) = beside.hit.filter(|hit| first.is_none_or(|(_, other)| hit.t < other.t)) {
                     first = Some((part, hit));

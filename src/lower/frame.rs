@@ -11,6 +11,7 @@ use crate::particles::{self, Spray};
 use crate::scene::{ParticleRepresentation, Representation, Scene};
 use crate::simd::SimdLevel;
 use crate::state::{Columns, Frame, Model};
+use crate::surface::displaced::DisplacedError;
 use crate::surface::tessellate::{self, MeshError, SurfaceMesh};
 use crate::surface::{LatticeError, Sides, SplineSurface, control, quads};
 use crate::terrain::{self, Mesh, MeshAlbedo, TerrainError};
@@ -25,6 +26,9 @@ pub enum LowerError {
     /// The water or the bed cannot be a spline.
     #[error(transparent)]
     Lattice(#[from] LatticeError),
+    /// The solver takes no displaced points.
+    #[error(transparent)]
+    Displaced(#[from] DisplacedError),
     /// The tessellated water is too large.
     #[error("surface.samples: {0}")]
     Mesh(#[from] MeshError),
@@ -89,7 +93,9 @@ pub struct View {
 pub struct LoweredFrame {
     /// The parts.
     pub lowered: Lowered,
-    /// The water as a spline, whatever it is drawn as; `None` if all is dry or water is not visible.
+    /// The water as a spline, whatever it is drawn as; `None` if all is dry or water is not visible. Its control points
+    /// are never displaced: who asks for a height (wet banks, depth, an eye under water) is answered by this one, which
+    /// is right to within the displacement; so do the walls, whose upper ends stay in place.
     pub water: Option<Arc<SplineSurface>>,
     /// The bed as a spline; `None` if terrain is not visible.
     pub bed: Option<Arc<SplineSurface>>,
@@ -142,7 +148,13 @@ pub fn lower(
     if let Some(water) = &water {
         let local_eye = view.map(|view| (view.eye - origin, view.pixel_angle));
         match settings.representation {
-            Representation::Spline => add("water", Material::Water, Shape::Surface(Arc::clone(water))),
+            Representation::Spline if settings.displacement.is_none() => {
+                add("water", Material::Water, Shape::Surface(Arc::clone(water)));
+            }
+            Representation::Spline => {
+                let displaced = control::displaced_water(water, columns, settings, origin.to_array())?;
+                add("water", Material::Water, Shape::Displaced(Arc::new(displaced)));
+            }
             Representation::Quads => {
                 let mesh = quads::strips(columns, settings.dry_threshold, origin);
                 add("water", Material::Water, Shape::Triangles(Arc::new(triangles(mesh))));
@@ -293,6 +305,23 @@ mod tests {
         dry.columns.top = dry.columns.base.clone();
         let lowered = lower(&scene, &dry, &Environment::default(), None, SimdLevel::Portable).unwrap();
         assert!(lowered.lowered.parts.is_empty() && lowered.water.is_none() && lowered.bed.is_none());
+    }
+
+    #[test]
+    fn displacement_moves_the_water_alone() {
+        let mut scene = Scene::default();
+        scene.surface.displacement.shear = 0.1;
+        scene.surface.solver = crate::scene::SolverKind::Newton;
+        let lower = |scene: &Scene| lower(scene, &frame(0.0), &Environment::default(), None, SimdLevel::Portable);
+        let lowered = lower(&scene).unwrap();
+        let displaced = |part: &Part| matches!(part.shape, Shape::Displaced(_));
+        let moved: Vec<&str> =
+            lowered.lowered.parts.iter().filter(|part| displaced(part)).map(|part| part.name.as_str()).collect();
+        assert_eq!(moved, ["water"]);
+        assert!(lowered.water.is_some(), "heights are asked of the undisplaced spline");
+        // Without the check of scene files in between, too.
+        scene.surface.solver = crate::scene::SolverKind::Univariate;
+        assert!(lower(&scene).unwrap_err().to_string().starts_with("surface.solver is univariate"));
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
-use crate::surface::{Sides, SplineSurface};
+use crate::surface::{DisplacedSurface, Sides, SplineSurface};
 
 /// Everything that can be hit, ready for an accelerator.
 #[derive(Clone, Debug, Default)]
@@ -50,6 +50,8 @@ pub enum Material {
 pub enum Shape {
     /// The water or the bed as a spline.
     Surface(Arc<SplineSurface>),
+    /// The water as a spline whose control points are displaced sideways.
+    Displaced(Arc<DisplacedSurface>),
     /// The water's walls at the domain's edge.
     Sides(Arc<Sides>),
     /// Spheres: the spray, or one boulder.

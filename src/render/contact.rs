@@ -43,6 +43,10 @@ impl Contact {
                 let point = surface.patch_point(primitive, u, v);
                 Self::on(point.position, point.normal, point.normal, largest(point.position))
             }
+            Shape::Displaced(surface) => {
+                let point = surface.patch_point(primitive, u, v);
+                Self::on(point.position, point.normal, point.normal, largest(point.position))
+            }
             // A wall is known by its normal alone; the rounding of the ray's own length stays in its position.
             Shape::Sides(_) => {
                 let normal = given.normalize_or(Vec3::Y);

@@ -186,9 +186,29 @@ mod tests {
     }
 
     #[test]
+    fn displaced_points_go_only_where_they_are_drawn() {
+        let table = format!("{COMPLETE}[surface]\ndisplacement = {{ adhesion = 0.1, shear = 0.05 }}\n");
+        for solver in ["newton", "bezier-clip", "reference"] {
+            let scene = read_text(&table, &[&format!("surface.solver={solver}")]).expect("a sound scene");
+            assert_eq!((scene.surface.displacement.adhesion, scene.surface.displacement.shear), (0.1, 0.05));
+        }
+        // The default solver is refused too, with the reason.
+        let told = messages(&table, &[]);
+        assert!(told.len() == 1 && told[0].contains("`surface.solver` = (by default)"), "{told:?}");
+        assert!(told[0].contains("\"bezier-clip\"") && told[0].contains("surface.displacement"), "{told:?}");
+        let told = messages(&table, &["surface.solver=report", "surface.representation=quads"]);
+        assert!(told.len() == 2 && told[0].contains("= report:") && told[1].contains("representation"), "{told:?}");
+        // No displacement, no rule; and none beyond what cannot fold.
+        good("[surface]\nsolver = 'report'\ndisplacement = { adhesion = 0.0 }\n", &[]);
+        assert!(messages(COMPLETE, &["surface.displacement.adhesion=0.25"])[0].contains("from 0 to 0.24"));
+        assert!(messages(COMPLETE, &["surface.displacement.shaer=0.1"])[0].contains("surface.displacement.shear"));
+    }
+
+    #[test]
     fn every_fixed_name_is_taken() {
         for (key, names) in [
             ("surface.representation", &["quads", "tessellated", "spline"][..]),
+            ("surface.solver", &["univariate", "newton", "report", "bezier-clip", "reference"]),
             ("water.fresnel", &["exact", "schlick"]),
             ("particles.representation", &["spheres"]),
             ("accel.water", &["embree", "columns", "brute"]),
@@ -242,7 +262,7 @@ eye = [0, 0, 0]
             [
                 "scene.toml:3:7: `frames.fps` = \"fast\": expected a finite number from 0.001 to 100000",
                 "scene.toml:6:11: `surface.order` = 7 is out of range: expected an integer from 2 to 4",
-                "scene.toml:7:10: `surface.solver` = 'newtn': expected one of `univariate`, `newton`, `reference`; the nearest is `newton`",
+                "scene.toml:7:10: `surface.solver` = 'newtn': expected one of `univariate`, `newton`, `report`, `bezier-clip`, `reference`; the nearest is `newton`",
                 "scene.toml:8:2: unknown key `watr`; the nearest known key is `water`",
                 "scene.toml:11:6: `camera.up` = [0, 1]: expected an array of 3: each a finite number from -1e12 to 1e12, not 2",
                 "scene.toml:14:11: `camera.key.0.eye.1` = nan is out of range: expected a finite number from -1e12 to 1e12",

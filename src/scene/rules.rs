@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::document::Node;
 use super::errors::SceneError;
-use super::{Scene, SkyKind, SolverKind, WaterAccel};
+use super::{Representation, Scene, SkyKind, SolverKind, WaterAccel};
 
 /// Schlick's reflectance of water at normal incidence in the report's preset: ((1.333 - 1) / (1.333 + 1))^2, rounded.
 const REPORT_R0: f64 = 0.02;
@@ -38,6 +38,7 @@ pub(super) fn check(scene: &Scene, root: &Node, known: &[SceneError]) -> Vec<Sce
     let wrong = known.iter().filter_map(|error| error.key()).map(str::to_owned).collect();
     let mut rules = Rules { root, wrong, errors: Vec::new() };
     rules.frames(scene);
+    rules.displacement(scene);
     rules.paths(scene);
     rules.camera(scene);
     rules.sky(scene);
@@ -82,6 +83,31 @@ impl Rules<'_> {
                 "frames.files",
                 "the pattern of the frames' names, as in files = \"time###.state\" under [frames]",
             );
+        }
+    }
+
+    /// Who draws points that are moved sideways.
+    fn displacement(&mut self, scene: &Scene) {
+        let surface = &scene.surface;
+        if surface.displacement.is_none() || !self.sound(&["surface.displacement"]) {
+            return;
+        }
+        let why = "since surface.displacement moves control points sideways";
+        if !surface.solver.takes_displaced() && self.sound(&["surface.solver"]) {
+            let expected = format!(
+                "\"newton\", \"bezier-clip\" or \"reference\", {why}: the water is no polynomial along a ray any more, \
+                 which univariate solves, and leaves the columns that report solves"
+            );
+            self.inconsistent("surface.solver", expected);
+        }
+        if !scene.accel.water.takes_displaced() && self.sound(&["accel.water"]) {
+            let expected =
+                format!("\"embree\", \"stream\" or \"brute\", {why}: patches leave the columns that it walks");
+            self.inconsistent("accel.water", expected);
+        }
+        if surface.representation != Representation::Spline && self.sound(&["surface.representation"]) {
+            let expected = format!("\"spline\", {why}: the others leave them where they are");
+            self.inconsistent("surface.representation", expected);
         }
     }
 

@@ -123,10 +123,38 @@ impl SolverKind {
             Self::Reference => "reference",
         }
     }
+    /// Whether it serves a surface whose control points are displaced sideways. `univariate` needs x and z linear in the
+    /// spline's parameters, and the report's solver a ray's stretch over one column; displaced points give neither.
+    pub fn takes_displaced(self) -> bool {
+        match self {
+            Self::Newton | Self::BezierClip | Self::Reference => true,
+            Self::Univariate | Self::Report => false,
+        }
+    }
     /// Whether every first hit that double precision can tell from a graze is found: not what the report's solver
     /// promises.
     pub fn is_certain(self) -> bool {
         self != Self::Report
+    }
+}
+
+/// `[surface.displacement]`: the water's control points moved sideways (the report's section 2.4).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Displacement {
+    /// How far wet columns beside dry ones are held back, against the flow: share of a column's width, reached where the
+    /// flow is as fast as its own waves.
+    #[schemars(range(min = 0.0, max = 0.24))]
+    pub adhesion: f64,
+    /// How far columns run ahead of the wet ones around them, or lag: metres per m/s of difference in flow (s). No column
+    /// is moved by more than 0.24 of its width.
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    pub shear: f64,
+}
+impl Displacement {
+    /// Whether no point is moved.
+    pub fn is_none(&self) -> bool {
+        self.adhesion == 0.0 && self.shear == 0.0
     }
 }
 
@@ -162,6 +190,8 @@ pub struct Surface {
     /// Tessellate adaptively until the error on screen is under this many pixels, instead of a fixed count.
     #[schemars(range(min = 0.001, max = 100.0))]
     pub screen_error: Option<f64>,
+    /// Control points moved sideways: `adhesion` along banks, `shear` along the flow.
+    pub displacement: Displacement,
 }
 impl Default for Surface {
     fn default() -> Self {
@@ -176,6 +206,7 @@ impl Default for Surface {
             dry_depth: None,
             samples: 8,
             screen_error: None,
+            displacement: Displacement::default(),
         }
     }
 }
@@ -583,6 +614,16 @@ pub enum WaterAccel {
     Columns,
     /// Everything against everything.
     Brute,
+}
+impl WaterAccel {
+    /// Whether it serves a surface whose control points are displaced sideways: what walks columns by their place on the
+    /// ground does not, since displaced patches reach over their columns' borders.
+    pub fn takes_displaced(self) -> bool {
+        match self {
+            Self::Embree | Self::Stream | Self::Brute => true,
+            Self::Columns => false,
+        }
+    }
 }
 
 /// Accelerators of spray, meshes, panels and spheres, by name.

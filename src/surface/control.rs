@@ -5,7 +5,11 @@
 //! it "slightly below the base", which lets water climb steep banks. The bed is the same kind of surface over the bases,
 //! so that water neither floats above it nor stands proud of it by a difference of representation.
 
+use std::sync::Arc;
+
+use super::displaced::{self, DisplacedError, DisplacedSurface};
 use super::lattice::{Lattice, LatticeError};
+use super::spline::SplineSurface;
 use crate::scene;
 use crate::state::Columns;
 
@@ -52,7 +56,24 @@ pub fn water(columns: &Columns, settings: &scene::Surface, origin: [f64; 3]) -> 
     lattice(columns, settings.order, &heights, origin, |index| wet[index]).map(Some)
 }
 
-/// The bed's lattice around `origin`.
+/// The water with its control points displaced as the scene says; `flat` is [`water`] as a surface.
+///
+/// # Errors
+/// The scene's solver takes no displaced points.
+pub fn displaced_water(
+    flat: &Arc<SplineSurface>,
+    columns: &Columns,
+    settings: &scene::Surface,
+    origin: [f64; 3],
+) -> Result<DisplacedSurface, DisplacedError> {
+    let wet = wet(columns, settings.dry_threshold);
+    let heights = water_heights(columns, &wet, dry_depth(columns, settings));
+    let heights: Vec<f64> = heights.iter().map(|height| height - origin[1]).collect();
+    let shifts = displaced::displacements(columns, &wet, &settings.displacement, settings.order);
+    DisplacedSurface::new(Arc::clone(flat), &heights, &shifts, settings.solver)
+}
+
+/// The bed's lattice around `origin`; it is never displaced.
 ///
 /// # Errors
 /// See [`LatticeError`].

@@ -3,6 +3,7 @@
 pub mod audit;
 mod brute;
 pub mod control;
+pub mod displaced;
 pub mod kernels;
 mod lanes;
 mod lattice;
@@ -16,6 +17,7 @@ pub mod tessellate;
 mod walk;
 
 pub use brute::BruteSurface;
+pub use displaced::{BruteDisplaced, DisplacedSurface};
 pub use lanes::{LANES, LaneHits, LaneRays, LaneSurface, SingleAnswer, SingleHit, SingleRay, SurfacePoint};
 pub use lattice::{Lattice, LatticeError, basis};
 pub use sides::Sides;

@@ -26,7 +26,7 @@ impl Random {
 }
 
 /// Waves with noise, partly dry where asked: a column is absent where the noise says so.
-fn waves(order: u32, n: usize, dry: bool, seed: u64) -> Lattice {
+pub(super) fn waves(order: u32, n: usize, dry: bool, seed: u64) -> Lattice {
     let mut random = Random(seed);
     let present: Vec<bool> = (0..n * n).map(|_| !dry || random.next() > 0.3).collect();
     let heights: Vec<f64> = (0..n * n)
@@ -57,7 +57,7 @@ fn compare(surface: &SplineSurface, rays: &[(Vec3, Vec3)]) -> (Audit, u64) {
 }
 
 /// Rays of every kind over an n x n surface.
-fn rays(n: usize, count: usize, seed: u64) -> Vec<(Vec3, Vec3)> {
+pub(super) fn rays(n: usize, count: usize, seed: u64) -> Vec<(Vec3, Vec3)> {
     let mut random = Random(seed);
     let size = n as f64;
     (0..count)

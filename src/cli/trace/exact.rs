@@ -11,7 +11,7 @@ use glam::DVec3;
 use crate::lower::{Discs, Environment, LoweredFrame, Shape, Spheres, Triangles};
 use crate::scene::Surface;
 use crate::state::Columns;
-use crate::surface::{SplineSurface, basis, control, referee};
+use crate::surface::{DisplacedSurface, Lattice, SplineSurface, basis, control, referee};
 use crate::terrain::Mesh;
 
 /// A ray around the scene origin. Its direction is the given one times a power of two that brings its largest component
@@ -76,6 +76,8 @@ pub(super) struct Polished {
 pub(super) enum Exact<'a> {
     /// The water or the bed.
     Spline(ExactSpline),
+    /// The water with displaced control points, which is double precision by itself.
+    Displaced(Arc<DisplacedSurface>),
     /// The water's walls: least and greatest x, z of the domain.
     Walls([[f64; 2]; 2]),
     /// Spheres that are single precision by themselves.
@@ -124,6 +126,7 @@ impl<'a> Exact<'a> {
                     Self::Spline(spline(surface, &control::water_heights(columns, &wet, depth)))
                 }
                 Shape::Surface(surface) => Self::Spline(spline(surface, &columns.base)),
+                Shape::Displaced(surface) => Self::Displaced(Arc::clone(surface)),
                 Shape::Sides(_) => {
                     let corners = lowered.water.as_ref().map(|water| water.lattice());
                     Self::Walls(corners.map_or([[0.0; 2]; 2], |lattice| lattice.domain.map(|c| lattice.from_cell(c))))
@@ -145,6 +148,12 @@ impl<'a> Exact<'a> {
         };
         match self {
             Self::Spline(spline) => spline.polish(ray, t),
+            Self::Displaced(surface) => {
+                let reach = displaced_reach(surface);
+                let range = [(t - reach).max(begin), t + reach];
+                let hit = surface.first_hit(o, d, range);
+                hit.map_or(Polished { t, normal }, |hit| Polished { t: hit.t, normal: hit.normal })
+            }
             Self::Walls(domain) => {
                 let axis = if normal.x != 0.0 { 0 } else { 2 };
                 let end = usize::from(normal[axis] > 0.0);
@@ -167,6 +176,43 @@ impl<'a> Exact<'a> {
             }
         }
     }
+}
+
+/// Furthest (in t) that single precision puts a hit off a displaced surface: a share of a column for grazing rays.
+fn displaced_reach(surface: &DisplacedSurface) -> f64 {
+    let width = surface.flat().lattice().width;
+    0.02 * width[0].min(width[1]) + 16.0 * rounding(surface.flat().lattice())
+}
+
+/// [`ExactSpline::near_start`] for a displaced surface.
+pub(super) fn near_displaced(surface: &DisplacedSurface, ray: &LocalRay) -> Option<NearStart> {
+    let rounding = rounding(surface.flat().lattice());
+    // It is the graph of a function, so that its height over the origin tells how near it is.
+    let room = 64.0 * rounding;
+    let below = surface.first_hit(ray.origin + DVec3::Y * room, DVec3::NEG_Y, [0.0, 2.0 * room])?;
+    let value = below.t - room;
+    let slope = [-below.normal.x / below.normal.y, -below.normal.z / below.normal.y];
+    let lean = 1.0 + slope[0].abs() + slope[1].abs();
+    if value.abs() > rounding * lean {
+        return None;
+    }
+    let d = ray.direction;
+    let rate = d.y - slope[0] * d.x - slope[1] * d.z;
+    let clear = (rounding * lean / rate.abs()).min(displaced_reach(surface));
+    // On the surface to double precision: subtracting `room` again leaves its last digits.
+    if value.abs() <= 16.0 * f64::EPSILON * (room + ray.origin.abs().max_element()) {
+        return Some(NearStart { hit: Some(Polished { t: 0.0, normal: below.normal }), clear });
+    }
+    let hit = surface.first_hit(ray.origin, d, [0.0, clear]);
+    Some(NearStart { hit: hit.map(|hit| Polished { t: hit.t, normal: hit.normal }), clear })
+}
+
+/// Distance (m) by which single precision may misplace a point of a surface or of a ray near it.
+fn rounding(lattice: &Lattice) -> f64 {
+    let corners = lattice.domain.map(|corner| lattice.from_cell(corner));
+    let farthest = corners.as_flattened().iter().chain(&lattice.extent).fold(0.0, |far: f64, c| far.max(c.abs()));
+    // Origin, direction and heights are each rounded once, and the solver's sums a few times more.
+    16.0 * f64::from(f32::EPSILON) * farthest
 }
 
 /// The near side of a sphere, or the far one for a ray that begins behind the near one.
@@ -239,13 +285,9 @@ impl ExactSpline {
         (at.y - height, d.y - slope[0] * d.x - slope[1] * d.z, slope)
     }
 
-    /// Distance (m) by which single precision may misplace a point of the surface or of a ray near it.
+    /// See [`rounding`].
     fn rounding(&self) -> f64 {
-        let lattice = self.surface.lattice();
-        let corners = lattice.domain.map(|corner| lattice.from_cell(corner));
-        let farthest = corners.as_flattened().iter().chain(&lattice.extent).fold(0.0, |far: f64, c| far.max(c.abs()));
-        // Origin, direction and heights are each rounded once, and the solver's sums a few times more.
-        16.0 * f64::from(f32::EPSILON) * farthest
+        rounding(self.surface.lattice())
     }
 
     /// Furthest (in t) that a hit is moved: a share of a column, and what single precision may be off by.
@@ -334,6 +376,30 @@ mod tests {
     fn a_hit_beyond_all_numbers_is_still_a_hit() {
         let ray = LocalRay::new([0.0; 3], [5e-324, 0.0, 0.0], DVec3::ZERO);
         assert_eq!(ray.to_given(8.0), f64::MAX);
+    }
+
+    #[test]
+    fn displaced_water_is_polished_and_judged_in_double_precision_where_a_ray_begins() {
+        use crate::scene::SolverKind;
+        use crate::surface::SimdLevel;
+        let heights: Vec<f64> = (0..49).map(|k| 0.3 * f64::from(k % 5) + 0.1 * f64::from(k / 7)).collect();
+        let shifts: Vec<[f64; 2]> = (0..49).map(|k| if k == 24 { [0.2, -0.1] } else { [0.0; 2] }).collect();
+        let lattice = Lattice::new(3, [7, 7], [0.5; 2], [1.0; 2], &heights, |_| true).unwrap();
+        let flat = Arc::new(SplineSurface::new(lattice, SolverKind::Newton, SimdLevel::Portable));
+        let surface = Arc::new(DisplacedSurface::new(flat, &heights, &shifts, SolverKind::Newton).unwrap());
+        let down = DVec3::new(0.25, -1.0, 0.125);
+        let from = DVec3::new(2.9, 4.0, 3.1);
+        let hit = surface.first_hit(from, down, [0.0, 10.0]).unwrap();
+        let ray = |origin: DVec3| LocalRay::new(origin.to_array(), down.to_array(), DVec3::ZERO);
+        let polished =
+            Exact::Displaced(Arc::clone(&surface)).polish(&ray(from), 0.0, hit.t + 3e-6, hit.patch, DVec3::Y);
+        assert!((polished.t - hit.t).abs() < 1e-13, "{} {}", polished.t, hit.t);
+        // Beginning a nanometre over the surface it is met there; a nanometre under it, not behind; far off, nothing is said.
+        let on = from + down * hit.t;
+        let over = near_displaced(&surface, &ray(on - down * 1e-9)).unwrap();
+        assert!((over.hit.unwrap().t - 1e-9).abs() < 1e-13);
+        assert!(near_displaced(&surface, &ray(on + down * 1e-9)).unwrap().hit.is_none());
+        assert!(near_displaced(&surface, &ray(from)).is_none());
     }
 
     #[test]
