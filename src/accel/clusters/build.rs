@@ -48,14 +48,14 @@ pub(super) struct Tree<C> {
 #[derive(Clone, Copy)]
 struct Shapes<'a, C> {
     group: &'a (dyn Fn(&[Record]) -> C + Sync),
-    bounds: &'a (dyn Fn(u32) -> Option<Aabb> + Sync),
+    bounds: &'a (dyn Fn(&Record) -> Option<Aabb> + Sync),
 }
 
 /// The tree over all records, which are brought into its order.
 pub(super) fn build<C: Copy + Send>(
     records: &mut [Record],
     group: &(dyn Fn(&[Record]) -> C + Sync),
-    bounds: &(dyn Fn(u32) -> Option<Aabb> + Sync),
+    bounds: &(dyn Fn(&Record) -> Option<Aabb> + Sync),
 ) -> Tree<C> {
     let mut tree = Tree { nodes: Vec::new(), clusters: Vec::new(), bounds: Aabb::EMPTY };
     if !records.is_empty() {
@@ -112,7 +112,7 @@ impl<C: Copy + Send> Tree<C> {
         let number = self.clusters.len() as u32 | CLUSTER;
         self.clusters.push((shapes.group)(records));
         let bounds = records.iter().fold(Aabb::EMPTY, |bounds, record| {
-            let exact = (shapes.bounds)(record.number).unwrap_or(Aabb::EMPTY);
+            let exact = (shapes.bounds)(record).unwrap_or(Aabb::EMPTY);
             let pad = Vec3::splat(record.radius * PAD) + record.center.abs() * PAD;
             bounds.union(Aabb { low: exact.low - pad, high: exact.high + pad })
         });

@@ -47,10 +47,7 @@ impl Node {
 
 /// Groups spheres. What no ray can hit is left out; runs in the current rayon pool, with the same result at any size.
 pub(super) fn of_spheres(spheres: &Spheres, simd: SimdLevel) -> Arc<dyn LaneSurface> {
-    let bounds = |number: u32| {
-        let index = number as usize;
-        Primitive::Sphere { center: spheres.center[index], radius: spheres.radius[index] }.bounds(0.0)
-    };
+    let bounds = |record: &Record| Primitive::Sphere { center: record.center, radius: record.radius }.bounds(0.0);
     let group = |records: &[Record]| {
         let mut cluster = SphereCluster::EMPTY;
         for (slot, record) in records.iter().enumerate() {
@@ -63,10 +60,9 @@ pub(super) fn of_spheres(spheres: &Spheres, simd: SimdLevel) -> Arc<dyn LaneSurf
 
 /// Groups discs, as [`of_spheres`].
 pub(super) fn of_discs(discs: &Discs, simd: SimdLevel) -> Arc<dyn LaneSurface> {
-    let bounds = |number: u32| {
-        let index = number as usize;
-        let (center, radius, normal) = (discs.center[index], discs.radius[index], discs.normal[index]);
-        Primitive::Disc { center, radius, normal }.bounds(0.0)
+    let bounds = |record: &Record| {
+        let normal = discs.normal[record.number as usize];
+        Primitive::Disc { center: record.center, radius: record.radius, normal }.bounds(0.0)
     };
     let group = |records: &[Record]| {
         let mut cluster = DiscCluster::EMPTY;
@@ -93,12 +89,12 @@ impl<C: Cluster> Cloud<C> {
         center: &[Vec3],
         radius: &[f32],
         group: &(dyn Fn(&[Record]) -> C + Sync),
-        bounds: &(dyn Fn(u32) -> Option<Aabb> + Sync),
+        bounds: &(dyn Fn(&Record) -> Option<Aabb> + Sync),
         simd: SimdLevel,
     ) -> Self {
-        let particles = (0..).zip(center.iter().zip(radius)).filter(|&(number, _)| bounds(number).is_some());
         let record = |(number, (&center, &radius))| Record { center, radius, number };
-        let mut records: Vec<Record> = particles.map(record).collect();
+        let particles = (0..).zip(center.iter().zip(radius)).map(record);
+        let mut records: Vec<Record> = particles.filter(|record| bounds(record).is_some()).collect();
         let tree = build::build(&mut records, group, bounds);
         Self { nodes: tree.nodes, clusters: tree.clusters, bounds: tree.bounds, simd }
     }

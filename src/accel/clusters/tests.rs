@@ -220,10 +220,7 @@ fn what_no_ray_can_hit_is_left_out_and_numbers_stay() {
 
 /// The cloud itself, of some spheres.
 fn tree(spheres: &Spheres) -> Cloud<SphereCluster> {
-    let bounds = |number: u32| {
-        let index = number as usize;
-        Primitive::Sphere { center: spheres.center[index], radius: spheres.radius[index] }.bounds(0.0)
-    };
+    let bounds = |record: &Record| Primitive::Sphere { center: record.center, radius: record.radius }.bounds(0.0);
     let group = |records: &[Record]| {
         let mut cluster = SphereCluster::EMPTY;
         for (slot, record) in records.iter().enumerate() {
