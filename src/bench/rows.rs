@@ -89,9 +89,15 @@ pub struct Row {
 }
 
 impl Row {
-    /// Who was measured: `embree univariate x16`, and the order where it is not 3.
+    /// Who was measured: `embree univariate x16`, and the order where it is not 3; `bsp spheres` over particles, where
+    /// only Embree is asked in two ways.
     pub fn title(&self) -> String {
-        let words = [self.accel.as_str(), &self.solver, &self.shape, if self.batch { "x16" } else { "x1" }];
+        let batch = match (self.batch, self.shape.is_empty()) {
+            (false, _) => "x1",
+            (true, true) => "x16",
+            (true, false) => "",
+        };
+        let words = [self.accel.as_str(), &self.solver, &self.shape, batch];
         let title = words.into_iter().filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ");
         if matches!(self.order, 0 | 3) { title } else { format!("{title}, order {}", self.order) }
     }

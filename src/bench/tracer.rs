@@ -141,7 +141,7 @@ mod tests {
         let lattice = work::surface([20, 20], 3).unwrap();
         let surface = Arc::new(SplineSurface::new(lattice, SolverKind::Univariate, SimdLevel::detect()));
         let embree = Arc::new(EmbreeAccel::new(&[(0, Geometry::Lanes(surface.clone()))]).unwrap());
-        let rays = work::rays(RayClass::Incoherent, &surface, 1005e-6);
+        let rays = work::rays(RayClass::Incoherent, &surface, 1004.5e-6);
         assert!(rays.len() == 1005, "a block that is not full");
         let ask = |tracer: Tracer| {
             let mut answers = Answers::default();

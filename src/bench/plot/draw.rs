@@ -140,8 +140,11 @@ fn draw<B: DrawingBackend>(
     root.present().map_err(failed)
 }
 
+/// The k-th colour; a second round is half as strong.
 fn colour(k: usize) -> RGBColor {
-    COLOURS[k % COLOURS.len()]
+    let RGBColor(r, g, b) = COLOURS[k % COLOURS.len()];
+    let pale = |part: u8| if k < COLOURS.len() { part } else { part / 2 + 127 };
+    RGBColor(pale(r), pale(g), pale(b))
 }
 
 /// A shape per series, beside its colour.
@@ -286,10 +289,13 @@ fn curves<B: DrawingBackend>(area: &DrawingArea<B, Shift>, panel: &Panel, names:
     let mut taken: Vec<[i32; 4]> = Vec::new();
     for (above, series) in panel.series.iter().enumerate() {
         // The first are the widest: where curves coincide, each is still seen beside the ones drawn over it.
-        let width = 2 + 2 * (panel.series.len() - 1 - above).min(3) as u32;
+        let width = 2 + (panel.series.len() - 1 - above).min(3) as u32;
         let k = names.iter().position(|name| *name == series.name).unwrap_or(0);
         let path: Vec<(i32, i32)> = series.points.iter().map(place).collect();
-        area.draw(&PathElement::new(path.clone(), colour(k).stroke_width(width))).map_err(failed)?;
+        // Piece by piece: a wide path's corners stick out where it doubles back.
+        for piece in path.windows(2) {
+            frame.line(area, piece[0], piece[1], colour(k), width)?;
+        }
         for at in path {
             marker(area, at, k, 4)?;
         }
@@ -297,7 +303,7 @@ fn curves<B: DrawingBackend>(area: &DrawingArea<B, Shift>, panel: &Panel, names:
     for series in &panel.series {
         for point in series.points.iter().filter(|point| !point.2.is_empty()) {
             let (px, py) = place(point);
-            let width = 7 * point.2.chars().count() as i32;
+            let width = 7 * point.2.chars().count() as i32 + 6;
             let end = px + 8 + width > frame.right;
             let (from, anchor) = if end { (px - 8 - width, HPos::Right) } else { (px + 8, HPos::Left) };
             let place = [from, py - 16, from + width, py - 3];
@@ -355,7 +361,7 @@ mod tests {
     #[test]
     fn axes_hold_their_values_and_round_numbers() {
         let axis = LogAxis::over([3e-4, 0.0, 70.0].into_iter());
-        assert_eq!(axis.ticks, [1e-3, 1e-2, 0.1, 1.0, 10.0]);
+        assert_eq!(axis.ticks, [1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0]);
         assert_eq!(axis.place(0.0, 10, 110), 10);
         let [low, high] = [3e-4, 70.0].map(|value| axis.place(value, 10, 110));
         assert!(10 < low && low < high && high < 110);
