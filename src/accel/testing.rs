@@ -38,7 +38,9 @@ impl LaneSurface for Plane {
                 hits.primitive[lane] = rays.origin[0][lane] as u32;
                 hits.u[lane] = rays.tolerance[lane];
                 hits.v[lane] = rays.tolerance_growth;
-                hits.normal[1][lane] = 2.0;
+                for (axis, component) in [0.0, 2.0, 0.0].into_iter().enumerate() {
+                    hits.normal[axis][lane] = component;
+                }
             }
         }
     }

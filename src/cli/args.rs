@@ -481,7 +481,7 @@ mod tests {
             (&["--crop", "1,2,3"], "X0,Y0,X1,Y1"),
             (&["--threads", "0"], "from 1 to 4096"),
             (&["--solver", "newtn"], "'newton'"),
-            (&["--accel", "bvh"], "[possible values: embree, report, brute]"),
+            (&["--accel", "bvh"], "[possible values: embree, stream, report, brute]"),
             (&["--accuracy", "3"], "0.05px or 1e-4m"),
             (&["--set", "render.width"], "expected KEY=VALUE"),
             (&["--simd", "sse"], "portable"),
