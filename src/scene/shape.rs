@@ -286,7 +286,7 @@ mod tests {
 
     #[test]
     fn names_come_from_the_types() {
-        assert_eq!(names_of("surface.solver"), ["univariate", "newton", "reference"]);
+        assert_eq!(names_of("surface.solver"), ["univariate", "newton", "report", "bezier-clip", "reference"]);
         assert!(names_of("render.width").is_empty());
     }
 }
