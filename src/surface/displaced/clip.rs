@@ -10,13 +10,23 @@ use super::solve::{Piece, SMALLEST};
 /// A cut that keeps more than this share of a piece is replaced by a halving (the paper's figure).
 pub(super) const KEEPS: f64 = 0.8;
 
+/// Least share that a cut keeps: clipping converges by squares, and would leap from a piece too large for a proof of its
+/// root to one with no digits left for it.
+const LEAST: f64 = 1.0 / 1024.0;
+
 /// The part of a piece that may hold a root, cut along both axes; `None` if no part does.
 pub(super) fn both(piece: &Piece, rounding: f64) -> Option<Piece> {
     (0..2).try_fold(*piece, |piece, axis| {
         let range = range(&piece.net, axis, rounding)?;
         // An axis without digits left stays; the other may have some.
-        Some(if piece.widths()[axis] > SMALLEST { piece.part(axis, range) } else { piece })
+        Some(if piece.widths()[axis] > SMALLEST { piece.part(axis, no_less(range)) } else { piece })
     })
+}
+
+/// A range widened to [`LEAST`].
+fn no_less([low, high]: [f64; 2]) -> [f64; 2] {
+    let room = (0.5 * (LEAST - (high - low))).max(0.0);
+    [(low - room).max(0.0), (high + room).min(1.0)]
 }
 
 /// The range of one axis (0: u, 1: v) over which distances to a line can vanish.

@@ -23,6 +23,8 @@ const BORDER: f64 = 1e-9;
 const SURE: f64 = 0.7;
 /// Steps of Newton's iteration for one piece: in a sure piece it squares its error.
 const STEPS: usize = 20;
+/// Pieces under this size are proven whatever the tolerance: much smaller ones have no digits left for the proof.
+const PROVABLE: f64 = 1e-6;
 /// Pieces after which a ray is given up: a tangent one needs some hundreds. Rays that lie within a ruled patch would
 /// go on for ever.
 const PIECES: usize = 20_000;
@@ -105,7 +107,8 @@ impl Piece {
     }
 }
 
-/// What a look at a piece says.
+/// What a look at a piece says. It lives for one turn, on the stack.
+#[allow(clippy::large_enum_variant)]
 enum Verdict {
     /// No root in it.
     Nothing,
@@ -218,8 +221,9 @@ fn beside_askew(piece: &Piece, rounding: DVec3) -> bool {
 /// Clips a piece in u and in v; one that is as short as the tolerance must be proven to hold a root.
 fn clip_or_certify(piece: &Piece, rounding: DVec3, tolerance: f64) -> Verdict {
     let [low, high] = piece.net.hull();
-    if high.z - low.z <= tolerance {
-        // No shorter than asked: what is left is to prove that there is one root. The proof's own root is as good.
+    let [width_u, width_v] = piece.widths();
+    if high.z - low.z <= tolerance || width_u.max(width_v) <= PROVABLE {
+        // As short as asked: what is left is to prove that there is one root. The proof's own root is as good.
         match certify(piece, rounding, tolerance) {
             Verdict::Less(_) | Verdict::Open => {}
             proven => return proven,

@@ -74,7 +74,7 @@ fn finds<R: RaySolver>(name: &str, solver: R, plant: &Plant) -> Result<(), TestC
     let (ray, root) = plant.patch_ray();
     let polynomial = ray_polynomial(&ray);
     // Of a root whose slope is `lean`, rounding leaves this much unknown; near a double one, the root of it.
-    let unknown = (1e-14 / plant.lean.abs()).min(1e-7).max(1e-12);
+    let unknown = (1e-14 / plant.lean.abs()).clamp(1e-12, 1e-7);
     match solver.first_hit(&ray, 1e-12, &mut 0) {
         Solve::Hit(s) => {
             prop_assert!(s <= root + 10.0 * unknown, "{name}: {s} after the planted {root}");
