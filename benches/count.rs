@@ -6,6 +6,7 @@
 use whitewater::bench::kernels;
 use whitewater::surface::SimdLevel;
 
+#[allow(clippy::print_stdout, reason = "the list is what it is asked for")]
 fn main() {
     // Cargo may add `--bench`.
     let arguments: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();

@@ -13,9 +13,12 @@ use crate::scene::{Accel, SolverKind, WaterAccel};
 use crate::simd::SimdLevel;
 use crate::surface::{LaneSurface, Lattice, SplineSurface, tessellate};
 
+/// Rays that are timed at most, for a count of columns; 0 leaves it out.
+type MostRays = fn(usize) -> usize;
+
 /// Accelerators of the water that are asked as the renderer asks them, with the rays that they are timed over at most
 /// for a count of columns (0: left out). Embree and the splines' own walk are asked in more ways, below.
-const THROUGH_THE_SEAM: &[(WaterAccel, fn(usize) -> usize)] = &[
+const THROUGH_THE_SEAM: &[(WaterAccel, MostRays)] = &[
     (WaterAccel::Columns, |_| usize::MAX),
     // Every patch for every ray: as many rays as make four million patches; beyond that, none would be answered in time.
     (WaterAccel::Brute, |columns| if columns > 200_000 { 0 } else { (4_000_000 / columns).clamp(16, 4096) }),

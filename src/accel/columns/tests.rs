@@ -206,3 +206,16 @@ fn another_solver_is_refused_and_walls_answer_for_themselves() {
     assert_eq!((hits.part.as_slice(), occluded.as_slice()), (&[1, 0, 2][..], &[true; 3][..]));
     assert!((hits.t[2] - 2.0).abs() < 1e-5);
 }
+
+#[test]
+fn a_ray_that_leaves_the_water_does_not_meet_the_place_it_leaves() {
+    let water = Arc::new(waves(12, 0.3, |_| true));
+    let (height, _) = water.point(6.2, 5.7).unwrap();
+    let scene = lowered(vec![Shape::Surface(water)]);
+    let accel = build(&scene, &Accel { water: WaterAccel::Columns, ..Accel::default() }).unwrap();
+    let mut rays = RayBatch::default();
+    for up in [0.3, 1.0] {
+        rays.push(Vec3::new(6.2, height as f32, 5.7), Vec3::new(0.1, up, 0.0), 0.0, f32::INFINITY, 1e-5);
+    }
+    assert_eq!(trace(accel.as_ref(), &rays).1, [false; 2]);
+}

@@ -27,7 +27,7 @@ fn series(rows: &[&Row], title: impl Fn(&Row) -> String, point: impl Fn(&Row) ->
     names.iter().map(|name| Series { name: name.clone(), points: of(name) }).collect()
 }
 
-fn select<'a>(rows: &'a [Row], chosen: impl Fn(&Row) -> bool) -> Vec<&'a Row> {
+fn select(rows: &[Row], chosen: impl Fn(&Row) -> bool) -> Vec<&Row> {
     rows.iter().filter(|row| chosen(row)).collect()
 }
 

@@ -41,7 +41,7 @@ impl RaySolver for Report {
             if f.abs() + g.abs() <= close {
                 let s = (0..3).map(|axis| direction[axis] * from[axis]).sum::<f64>() / square;
                 let here = [u, v, s].iter().all(|place| (0.0..=1.0).contains(place));
-                return if here { Solve::Hit(s) } else { Solve::Miss };
+                return if here && !is_own(ray, s, tolerance) { Solve::Hit(s) } else { Solve::Miss };
             }
             let [[f_u, f_v], [g_u, g_v]] =
                 planes.map(|normal| [normal[0] + normal[1] * along_u, normal[2] + normal[1] * along_v]);
@@ -57,6 +57,17 @@ impl RaySolver for Report {
         }
         Solve::Miss
     }
+}
+
+/// A root within this share of the stretch from the start of a ray is the place that the ray leaves.
+const OWN: f64 = 1e-4;
+
+/// Whether a root is where the ray begins: no sign tells the surface that a ray leaves from one that it meets, so, as in ray
+/// tracers of that day, what lies too near the start does not count. A ray that comes over the patch's border begins
+/// elsewhere.
+fn is_own(ray: &PatchRay, s: f64, tolerance: f64) -> bool {
+    let inside = [ray.u[0], ray.v[0]].iter().all(|place| (1e-5..1.0 - 1e-5).contains(place));
+    inside && s <= OWN.max(2.0 * tolerance)
 }
 
 /// Unit normals of two planes that meet in a ray (Martin et al. 2000, section 2.3): the first holds the axis to which the
@@ -133,6 +144,16 @@ mod tests {
         assert!(
             matches!(super::super::Newton.first_hit(&ray, 1e-12, &mut steps), Solve::Hit(s) if (s - 0.05).abs() < 1e-3)
         );
+    }
+
+    #[test]
+    fn the_place_that_a_ray_leaves_is_no_hit() {
+        // On the plane at u = 1/4 and steeper than it.
+        let leaving = PatchRay { y: [-0.125, 1.0], ..slanting(0.5) };
+        assert_eq!(Report.first_hit(&leaving, 1e-9, &mut 0), Solve::Miss);
+        // The same over the patch's border: there it may be a hit.
+        let crossing = PatchRay { u: [0.0, 0.5], y: [-0.25, 1.0], ..slanting(0.5) };
+        assert!(matches!(Report.first_hit(&crossing, 1e-9, &mut 0), Solve::Hit(_)));
     }
 
     #[test]
