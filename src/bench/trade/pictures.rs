@@ -50,6 +50,13 @@ const DIALS: &[Dial] = &[
         show: |value| format!("{value} px"),
     },
     Dial {
+        name: "accuracy of secondary rays",
+        finest: 1.0,
+        values: &[1000.0, 100.0, 16.0, 4.0, 1.0],
+        set: |scene, value| scene.surface.secondary_accuracy = value,
+        show: |value| format!("{value} times"),
+    },
+    Dial {
         name: "tessellation of the water",
         finest: 0.0,
         values: &[1.0, 2.0, 4.0, 8.0, 16.0],

@@ -165,7 +165,7 @@ pub(in crate::surface) fn slopes<S: Simd, const K: usize>(
     (along_u, along_v)
 }
 
-/// [`super::lattice::basis`] in lanes.
+/// [`crate::surface::basis`] in lanes.
 #[inline(always)]
 fn lane_basis<S: Simd, const K: usize>(s: S, u: S::F) -> ([S::F; K], [S::F; K]) {
     let one = s.splat(1.0);

@@ -20,7 +20,7 @@ pub(in crate::surface) struct SingleWalk<'a, P, const K: usize, const D: usize, 
     pub counts: &'a mut SolveCounts,
 }
 
-/// Where the ray starts, as [`super::Start`].
+/// Where the ray starts, as [`super::start::Start`].
 struct Place {
     base: f64,
     end: f32,
