@@ -30,8 +30,8 @@ render: build
 test: full
 	cargo test $(FULL) --no-fail-fast
 
-count: embree
-	@scripts/count-instructions.sh
+count: full
+	@scripts/count-instructions.sh $(FULL)
 
 bindings:
 	EMBREE_WRITE=1 cargo test --features regen --lib embree::tests

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Prints instructions per ray, column or particle of every inner loop, counted by callgrind: `make count`.
+# Prints instructions per ray, column or particle of every inner loop, counted by callgrind: `make count`, which gives the
+# options of the build.
 # AVX2 and portable kernels; valgrind knows no AVX-512.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -8,7 +9,8 @@ if ! command -v valgrind >/dev/null; then
     echo "Counting needs valgrind (Debian, Ubuntu, Fedora: the package valgrind)." >&2
     exit 1
 fi
-built=$(cargo bench --locked --bench count --no-run 2>&1 | tee /dev/stderr)
+# Built like the tests, so that after them there is nothing left to compile but the bench itself.
+built=$(cargo test "$@" --bench count --no-run 2>&1) || { echo "$built" >&2; exit 1; }
 count=$(sed -nE 's/^ *Executable .*\((.*)\)$/\1/p' <<<"$built" | tail -1)
 [[ -x $count ]] || { echo "the bench 'count' was not built" >&2; exit 1; }
 
