@@ -158,7 +158,6 @@ impl ColumnWalk {
         let target = Target::new(lattice, line.origin, line.direction);
         let main = usize::from(way.slope[1].abs() > way.slope[0].abs());
         let speed = line.direction.length();
-        let narrow = lattice.width[0].min(lattice.width[1]);
         // Heights along the ray are sums of two numbers no greater than these.
         let room = 4.0 * f64::EPSILON * (line.origin.y.abs() + (way.range[1] * line.direction.y).abs());
         way.along(lattice, main, way.range, |row, stretch| {
@@ -173,17 +172,18 @@ impl ColumnWalk {
                 let tolerance = (line.tolerance[0] + line.tolerance[1] * enter) * speed;
                 let seed = line.seed ^ (cell[1] * lattice.cells[0] + cell[0]) as u64;
                 let root = target.root(cell, tolerance, seed, &mut counts.iterations)?;
-                // No sign tells the surface that a ray leaves from one that it meets: as in ray tracers of that day,
-                // what lies too near the start does not count.
-                let begins = line.range[0] + (OWN * narrow).max(2.0 * tolerance) / speed;
-                (root.t >= begins && root.t <= line.range[1]).then_some(root)
+                (root.t >= line.range[0] && root.t <= line.range[1]).then_some(root)
             })
         })
     }
 
     /// The first hit of one lane, with the referee's opinion where it is asked.
     fn answer(&self, rays: &LaneRays, lane: usize, any: bool, counts: &mut SolveCounts) -> Option<Root> {
-        let line = Line::new(rays, lane);
+        let mut line = Line::new(rays, lane);
+        // No sign tells the surface that a ray leaves from one that it meets: as in ray tracers of that day, what lies too
+        // near the start does not count.
+        let [width, depth] = self.surface.lattice().width;
+        line.range[0] += (OWN * width.min(depth) / line.direction.length()).max(2.0 * line.tolerance[0]);
         let root = self.first(&line, counts);
         if let Some(audit) = self.audit.as_ref().filter(|_| line.seed.is_multiple_of(SAMPLE)) {
             let mut one = Audit::default();
