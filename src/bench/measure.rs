@@ -249,13 +249,14 @@ fn check_block(
     let column = lattice.width[0].min(lattice.width[1]);
     for (index, &exact) in exact.iter().enumerate().take(rays.len()) {
         let (origin, direction, range) = in_double(rays, index);
-        let answer = if any {
-            answers.occluded[index].then(|| exact.map_or(range[0], |hit| hit.t))
-        } else {
-            (answers.hits.part[index] != NO_PART).then(|| f64::from(answers.hits.t[index]))
-        };
+        if any {
+            let answer = answers.occluded[index];
+            checked.audit.check_any_against(exact, lattice, origin, direction, range, answer);
+            continue;
+        }
+        let answer = (answers.hits.part[index] != NO_PART).then(|| f64::from(answers.hits.t[index]));
         checked.audit.check_against(exact, lattice, origin, direction, range, answer);
-        if let (false, Some(exact), Some(t)) = (any, exact, answer) {
+        if let (Some(exact), Some(t)) = (exact, answer) {
             let error = (t - exact.t).abs() * direction.length() / column;
             if error <= 1.0 {
                 checked.same += 1;

@@ -99,8 +99,30 @@ impl Audit {
 
     /// Checks a yes or no.
     pub fn check_any(&mut self, lattice: &Lattice, origin: DVec3, direction: DVec3, range: [f64; 2], answer: bool) {
-        let exact = answer.then(|| referee::first_hit(lattice, origin, direction, range).map_or(range[0], |hit| hit.t));
-        self.check(lattice, origin, direction, range, exact);
+        let exact = referee::first_hit(lattice, origin, direction, range);
+        self.check_any_against(exact, lattice, origin, direction, range, answer);
+    }
+
+    /// As [`Self::check_any`], where the referee's answer is known already.
+    pub fn check_any_against(
+        &mut self,
+        exact: Option<RefereeHit>,
+        lattice: &Lattice,
+        origin: DVec3,
+        direction: DVec3,
+        range: [f64; 2],
+        answer: bool,
+    ) {
+        if answer && exact.is_none() {
+            // A yes does not say where: a touch may be anywhere along the ray.
+            self.rays += 1;
+            let column = lattice.width[0].min(lattice.width[1]);
+            let touches = referee::closest_approach(lattice, origin, direction, range) < 1e-5 * column;
+            *(if touches { &mut self.tangent } else { &mut self.false_hits }) += 1;
+            return;
+        }
+        let answer = exact.filter(|_| answer).map(|hit| hit.t);
+        self.check_against(exact, lattice, origin, direction, range, answer);
     }
 }
 

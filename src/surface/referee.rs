@@ -182,8 +182,15 @@ pub fn closest_approach(lattice: &Lattice, origin: DVec3, direction: DVec3, t: [
     for stretch in stretches(lattice, origin, direction, t) {
         if lattice.exists(stretch.cell[0], stretch.cell[1]) {
             let (polynomial, _) = polynomial(lattice, origin, direction, &stretch);
-            for k in 0..=32 {
-                least = least.min(polynomial.value(f64::from(k) / 32.0).abs());
+            // The best of 33 places, then of 33 around it, twice: a touch is a parabola, whose foot a single round misses by
+            // up to a thousandth of its curvature.
+            let (mut start, mut end) = (0.0, 1.0);
+            for _ in 0..3 {
+                let at = |k: u32| start + (end - start) * f64::from(k) / 32.0;
+                let height = |k: &u32| polynomial.value(at(*k)).abs();
+                let best = (0..=32u32).min_by(|a, b| height(a).total_cmp(&height(b))).unwrap_or(0);
+                least = least.min(height(&best));
+                (start, end) = (at(best.saturating_sub(1)), at((best + 1).min(32)));
             }
         }
     }
