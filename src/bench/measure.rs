@@ -243,7 +243,9 @@ fn check_block(
     exact: &[Option<referee::RefereeHit>],
 ) -> Checked {
     let (mut answers, mut counts, mut checked) = (Answers::default(), SolveCounts::default(), Checked::default());
-    let few = if rays.len() > rival.most_rays { Some(sample_front(rays, rival.most_rays)) } else { None };
+    // Solvers answer for every ray, however slowly; brute force, which has none, only for as many as it is timed over.
+    let most = if rival.solver.is_empty() { rival.most_rays } else { usize::MAX };
+    let few = if rays.len() > most { Some(sample_front(rays, most)) } else { None };
     let rays = few.as_ref().unwrap_or(rays);
     rival.tracer.trace(any, rays, &mut answers, &mut counts);
     let column = lattice.width[0].min(lattice.width[1]);
