@@ -205,7 +205,7 @@ pub fn check(rivals: &[(&Rival, &Lattice)], any: bool, rays: &RayBatch) -> Vec<C
         .map(|(block, rays)| {
             let mut exact: Vec<(u32, Vec<_>)> = Vec::new();
             let one = |&(rival, lattice): &(&Rival, &Lattice)| {
-                if block * 1024 >= rival.most_rays {
+                if block * 1024 >= most_checked(rival) {
                     return Checked::default();
                 }
                 let known = exact.iter().position(|(order, _)| *order == rival.order).unwrap_or_else(|| {
@@ -235,6 +235,11 @@ fn in_double(rays: &RayBatch, index: usize) -> (glam::DVec3, glam::DVec3, [f64; 
     (rays.origin(index).as_dvec3(), rays.direction(index).as_dvec3(), range)
 }
 
+/// Solvers answer for every ray, however slowly; brute force, which has none, only for as many as it is timed over.
+fn most_checked(rival: &Rival) -> usize {
+    if rival.solver.is_empty() { rival.most_rays } else { usize::MAX }
+}
+
 fn check_block(
     rival: &Rival,
     lattice: &Lattice,
@@ -243,8 +248,7 @@ fn check_block(
     exact: &[Option<referee::RefereeHit>],
 ) -> Checked {
     let (mut answers, mut counts, mut checked) = (Answers::default(), SolveCounts::default(), Checked::default());
-    // Solvers answer for every ray, however slowly; brute force, which has none, only for as many as it is timed over.
-    let most = if rival.solver.is_empty() { rival.most_rays } else { usize::MAX };
+    let most = most_checked(rival);
     let few = if rays.len() > most { Some(sample_front(rays, most)) } else { None };
     let rays = few.as_ref().unwrap_or(rays);
     rival.tracer.trace(any, rays, &mut answers, &mut counts);
