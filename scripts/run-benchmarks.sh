@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Runs the benchmarks and puts their tables and plots into docs/: `scripts/run-benchmarks.sh [--quick] [NAME...]`.
-# Rows go to out/bench/NAME.json and NAME.csv. Wants a quiet machine; the full run takes hours.
+# Rows go to out/bench/NAME.json and NAME.csv. Wants a quiet machine; the full run takes about an hour.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
