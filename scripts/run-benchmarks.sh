@@ -10,7 +10,7 @@ if [[ ${1:-} == --quick ]]; then
     shift
 fi
 names=("$@")
-((${#names[@]})) || names=(surface particles trade report extremes threads leaks sim)
+((${#names[@]})) || names=(surface particles trade report extremes threads leaks)
 program=${WHITEWATER:-target/release/whitewater}
 document=docs/benchmarks.md
 mkdir -p out/bench docs/plots

@@ -25,8 +25,8 @@ const _: () = assert!(NO_PART == INVALID_GEOMETRY);
 /// Who holds spheres and discs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Particles {
-    /// Clusters of sixteen, as user geometry.
-    Clusters,
+    /// Clusters of sixteen, as user geometry, with an instruction set.
+    Clusters(SimdLevel),
     /// Embree.
     Points,
 }
@@ -56,7 +56,15 @@ impl EmbreeAccel {
     /// # Errors
     /// Embree is missing or unsuitable, geometry has an index out of range, or memory ran out.
     pub fn new(geometry: &[(u32, Geometry)]) -> Result<Self, AccelError> {
-        Self::with_settings(geometry, Particles::Clusters, rayon::current_num_threads(), "")
+        Self::with_simd(geometry, SimdLevel::detect())
+    }
+
+    /// As [`EmbreeAccel::new`], with an instruction set for clusters of particles.
+    ///
+    /// # Errors
+    /// As [`EmbreeAccel::new`].
+    pub fn with_simd(geometry: &[(u32, Geometry)], simd: SimdLevel) -> Result<Self, AccelError> {
+        Self::with_settings(geometry, Particles::Clusters(simd), rayon::current_num_threads(), "")
     }
 
     /// As [`EmbreeAccel::new`], with spheres and discs as Embree's own points: a rival of benchmarks. Its packets and its
@@ -78,7 +86,6 @@ impl EmbreeAccel {
         super::check(geometry)?;
         let device = Device::new(threads, settings)?;
         let mut builder = SceneBuilder::new(&device)?;
-        let simd = SimdLevel::detect();
         let mut surfaces: Vec<(u32, Arc<dyn LaneSurface>)> = Vec::new();
         let mut user = |builder: &mut SceneBuilder<LanePayload>, part, surface: Arc<dyn LaneSurface>| {
             let number = surfaces.len();
@@ -90,18 +97,14 @@ impl EmbreeAccel {
                 Geometry::Lanes(surface) => {
                     user(&mut builder, *part, Arc::clone(surface))?;
                 }
-                Geometry::Spheres(spheres) if particles == Particles::Points => {
-                    builder.spheres(*part, &spheres.center, &spheres.radius)?;
-                }
-                Geometry::Discs(discs) if particles == Particles::Points => {
-                    builder.discs(*part, &discs.center, &discs.radius, &discs.normal)?;
-                }
-                Geometry::Spheres(spheres) => {
-                    user(&mut builder, *part, clusters::of_spheres(spheres, simd))?;
-                }
-                Geometry::Discs(discs) => {
-                    user(&mut builder, *part, clusters::of_discs(discs, simd))?;
-                }
+                Geometry::Spheres(spheres) => match particles {
+                    Particles::Clusters(simd) => user(&mut builder, *part, clusters::of_spheres(spheres, simd))?,
+                    Particles::Points => builder.spheres(*part, &spheres.center, &spheres.radius)?,
+                },
+                Geometry::Discs(discs) => match particles {
+                    Particles::Clusters(simd) => user(&mut builder, *part, clusters::of_discs(discs, simd))?,
+                    Particles::Points => builder.discs(*part, &discs.center, &discs.radius, &discs.normal)?,
+                },
                 Geometry::Triangles(mesh) => builder.triangles(*part, &mesh.position, &mesh.index)?,
             }
         }
@@ -367,7 +370,7 @@ mod tests {
     #[test]
     fn callbacks_carry_rays_tolerances_counts_and_doubt() {
         for settings in ["", "isa=avx2", "isa=avx", "isa=sse4.2"] {
-            let accel = EmbreeAccel::with_settings(&plane(), Particles::Clusters, 1, settings).unwrap();
+            let accel = EmbreeAccel::with_settings(&plane(), Particles::Points, 1, settings).unwrap();
             for count in [1, 4, 15, 16, 17, 40] {
                 let mut rays = RayBatch { tolerance_growth: 0.5, ..RayBatch::default() };
                 for index in 0..count {

@@ -28,6 +28,7 @@ pub use stream::Stream;
 pub use crate::ffi::embree::EmbreeError;
 use crate::lower::{Discs, Lowered, Material, Part, Shape, Spheres, Triangles};
 use crate::scene::{Accel, ObjectsAccel, WaterAccel};
+use crate::simd::SimdLevel;
 use crate::surface::audit::Audit;
 use crate::surface::{BruteDisplaced, BruteSurface, LaneSurface, SolveCounts};
 
@@ -322,10 +323,10 @@ pub trait Accelerator: Send + Sync {
 ///
 /// # Errors
 /// Embree is asked for and missing, or a part cannot be given to an accelerator.
-pub fn build(lowered: &Lowered, settings: &Accel) -> Result<Box<dyn Accelerator>, AccelError> {
+pub fn build(lowered: &Lowered, settings: &Accel, simd: SimdLevel) -> Result<Box<dyn Accelerator>, AccelError> {
     let all = |chosen: &dyn Fn(&Part) -> bool| geometry_of(&lowered.parts, settings.water, chosen);
     match (settings.water, settings.objects) {
-        (WaterAccel::Embree, ObjectsAccel::Embree) => return embree(&all(&|_| true)),
+        (WaterAccel::Embree, ObjectsAccel::Embree) => return embree(&all(&|_| true), simd),
         (WaterAccel::Brute, ObjectsAccel::Brute) => return brute(all(&|_| true)),
         _ => {}
     }
@@ -338,7 +339,7 @@ pub fn build(lowered: &Lowered, settings: &Accel) -> Result<Box<dyn Accelerator>
     };
     let (on_water, others) = (all(&serves), all(&|part| !serves(part)));
     let water = |geometry: Vec<_>| match settings.water {
-        WaterAccel::Embree => embree(&geometry),
+        WaterAccel::Embree => embree(&geometry, simd),
         WaterAccel::Stream => Stream::new(&geometry).map(|stream| Box::new(stream) as Box<dyn Accelerator>),
         WaterAccel::Brute => brute(geometry),
         WaterAccel::Columns => {
@@ -347,7 +348,7 @@ pub fn build(lowered: &Lowered, settings: &Accel) -> Result<Box<dyn Accelerator>
         }
     };
     let objects = |geometry: Vec<_>| match settings.objects {
-        ObjectsAccel::Embree => embree(&geometry),
+        ObjectsAccel::Embree => embree(&geometry, simd),
         ObjectsAccel::Brute => brute(geometry),
         kind @ (ObjectsAccel::Bsp | ObjectsAccel::BspSah | ObjectsAccel::BspReport) => {
             let plan = Plan::new(kind, settings.bsp_depth, settings.bsp_leaf);
@@ -361,8 +362,8 @@ pub fn build(lowered: &Lowered, settings: &Accel) -> Result<Box<dyn Accelerator>
     }
 }
 
-fn embree(geometry: &[(u32, Geometry)]) -> Result<Box<dyn Accelerator>, AccelError> {
-    Ok(Box::new(EmbreeAccel::new(geometry)?))
+fn embree(geometry: &[(u32, Geometry)], simd: SimdLevel) -> Result<Box<dyn Accelerator>, AccelError> {
+    Ok(Box::new(EmbreeAccel::with_simd(geometry, simd)?))
 }
 
 fn brute(geometry: Vec<(u32, Geometry)>) -> Result<Box<dyn Accelerator>, AccelError> {
@@ -510,7 +511,7 @@ mod tests {
             (WaterAccel::Columns, Objects::BspReport, "bsp-report"),
         ] {
             let settings = Accel { water, objects, ..Accel::default() };
-            let accel = build(&lowered, &settings).unwrap();
+            let accel = build(&lowered, &settings, SimdLevel::detect()).unwrap();
             assert_eq!(accel.stats().name, name);
             assert_eq!(trace(accel.as_ref(), &rays).0.part, [0, 1, 2], "{name}");
         }
@@ -539,8 +540,8 @@ mod tests {
             rays.push(Vec3::new(x, 6.0, z), Vec3::new(0.3, -1.0, 0.2 - 0.001 * k as f32), 0.0, f32::INFINITY, 1e-6);
         }
         let settings = |water| Accel { water, ..Accel::default() };
-        let [embree, brute] =
-            [WaterAccel::Embree, WaterAccel::Brute].map(|water| build(&lowered, &settings(water)).unwrap());
+        let [embree, brute] = [WaterAccel::Embree, WaterAccel::Brute]
+            .map(|water| build(&lowered, &settings(water), SimdLevel::detect()).unwrap());
         let (ours, truth) = (trace(&*embree, &rays), trace(&*brute, &rays));
         assert_eq!((&ours.0.part, &ours.1), (&truth.0.part, &truth.1));
         assert!(truth.1.iter().filter(|&&hit| hit).count() > 300);
@@ -566,7 +567,7 @@ mod tests {
             let lowered = Lowered { parts: vec![part(shape)], ..Lowered::default() };
             for objects in ObjectsAccel::ALL {
                 let settings = Accel { water: WaterAccel::Brute, objects, ..Accel::default() };
-                let error = build(&lowered, &settings).err().expect(expected).to_string();
+                let error = build(&lowered, &settings, SimdLevel::detect()).err().expect(expected).to_string();
                 assert_eq!(error, expected);
             }
         }

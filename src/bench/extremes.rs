@@ -148,27 +148,13 @@ fn one_place(
         let row = Row {
             bench: "extremes".to_owned(),
             columns: size_name(size),
-            order: rival.order,
-            accel: rival.name.clone(),
-            solver: rival.solver.clone(),
-            simd: rival.simd.clone(),
-            batch: rival.tracer.batch(),
             rays: "incoherent".to_owned(),
-            checked: audit.rays,
-            lost: audit.lost,
-            false_hits: audit.false_hits,
-            wrong: audit.wrong,
-            tangent: audit.tangent,
-            gave_up: checked.gave_up,
             dial: axis.name.to_owned(),
             setting: format!("{} {}", number(value), axis.unit),
             value,
-            error_rms: checked.error_rms(),
-            error_max: checked.error_max,
             bytes_per_column: rival.bytes / (size[0] * size[1]) as f64,
-            build_ms: rival.build_ms,
             threads: settings.threads,
-            ..Row::default()
+            ..measure::row(rival, &checked)
         };
         let mut cells = vec![rival.title(), number(value), number(row.error_rms), number(row.error_max)];
         let counts = [audit.lost, audit.false_hits, audit.wrong, audit.tangent, checked.gave_up];

@@ -10,6 +10,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
+use super::rows::Row;
 use super::tracer::{Answers, Tracer};
 use super::{Settings, median};
 use crate::accel::{NO_PART, RayBatch};
@@ -45,6 +46,28 @@ impl Rival {
         let order = if matches!(self.order, 0 | 3) { String::new() } else { format!(", order {}", self.order) };
         let solver = if self.solver.is_empty() { String::new() } else { format!(" {}", self.solver) };
         format!("{}{solver} {}{order}", self.name, if self.tracer.batch() { "x16" } else { "x1" })
+    }
+}
+
+/// What a row says of a rival and of its answers; the rest is its benchmark's to fill.
+pub fn row(rival: &Rival, checked: &Checked) -> Row {
+    let audit = checked.audit;
+    Row {
+        order: rival.order,
+        accel: rival.name.clone(),
+        solver: rival.solver.clone(),
+        simd: rival.simd.clone(),
+        batch: rival.tracer.batch(),
+        checked: audit.rays,
+        lost: audit.lost,
+        false_hits: audit.false_hits,
+        wrong: audit.wrong,
+        tangent: audit.tangent,
+        gave_up: checked.gave_up,
+        error_rms: checked.error_rms(),
+        error_max: checked.error_max,
+        build_ms: rival.build_ms,
+        ..Row::default()
     }
 }
 

@@ -16,6 +16,7 @@ use crate::accel::embree::EmbreeAccel;
 use crate::accel::{self, Accelerator, Geometry, NO_PART, RayBatch};
 use crate::lower::{Discs, Lowered, Material, Part, Shape, Spheres};
 use crate::scene::{Accel, ObjectsAccel};
+use crate::simd::SimdLevel;
 use crate::surface::SolveCounts;
 
 /// Beyond this, brute force takes too long.
@@ -46,7 +47,7 @@ struct Held {
 }
 
 /// Everyone, the baseline first.
-fn rivals(spheres: &Arc<Spheres>, discs: &Arc<Discs>) -> Result<Vec<Held>, BenchError> {
+fn rivals(spheres: &Arc<Spheres>, discs: &Arc<Discs>, simd: SimdLevel) -> Result<Vec<Held>, BenchError> {
     let count = spheres.center.len();
     // The baseline first; then as the scene's keys list them.
     let mut kinds = vec![ObjectsAccel::Bsp];
@@ -56,7 +57,7 @@ fn rivals(spheres: &Arc<Spheres>, discs: &Arc<Discs>) -> Result<Vec<Held>, Bench
         for &kind in kinds.iter().filter(|kind| **kind != ObjectsAccel::Brute || count <= MOST_FOR_BRUTE) {
             let part = Part { name: "spray".to_owned(), material: Material::Spray, shape: shape.clone() };
             let lowered = Lowered { parts: vec![part], ..Lowered::default() };
-            let accel = accel::build(&lowered, &Accel { objects: kind, ..Accel::default() })?;
+            let accel = accel::build(&lowered, &Accel { objects: kind, ..Accel::default() }, simd)?;
             let stats = accel.stats();
             let brute = kind == ObjectsAccel::Brute;
             let most_rays = if brute { (20_000_000 / count.max(1)).clamp(64, 4096) } else { usize::MAX };
@@ -91,7 +92,7 @@ fn rival(name: &str, tracer: Tracer, stats: &accel::AccelStats, most_rays: usize
 fn one_count(count: usize, settings: &Settings, sheet: &mut Sheet) -> Result<(), BenchError> {
     let spheres = Arc::new(plume::spheres(count));
     let discs = Arc::new(plume::discs(&spheres));
-    let held = rivals(&spheres, &discs)?;
+    let held = rivals(&spheres, &discs, settings.simd)?;
     let referee = |shape: &str| {
         let name = if count <= MOST_FOR_BRUTE { ObjectsAccel::Brute.name() } else { ObjectsAccel::Embree.name() };
         held.iter().position(|held| held.rival.name == name && held.shape == shape && held.rival.tracer.batch())

@@ -97,7 +97,7 @@ impl Built {
         let camera = Camera::new(path.pose(0.0), size, 0.0);
         let view = View { eye: camera.pose.eye, pixel_angle: camera.pixel_angle() };
         let lowered = lower::lower(scene, frame, &Environment::default(), Some(view), settings.simd)?;
-        let accel = accel::build(&lowered.lowered, &scene.accel)?;
+        let accel = accel::build(&lowered.lowered, &scene.accel, settings.simd)?;
         Ok(Self { scene: scene.clone(), lowered, accel, path, seconds: start.elapsed().as_secs_f64() })
     }
 

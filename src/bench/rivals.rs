@@ -61,7 +61,7 @@ pub(super) fn triangles(surface: &SplineSurface, samples: u32) -> Result<(Arc<Em
 pub(super) fn seam(surface: Arc<SplineSurface>, water: WaterAccel) -> Result<Box<dyn Accelerator>, BenchError> {
     let part = Part { name: "water".to_owned(), material: Material::Water, shape: Shape::Surface(surface) };
     let lowered = Lowered { parts: vec![part], ..Lowered::default() };
-    Ok(accel::build(&lowered, &Accel { water, ..Accel::default() })?)
+    Ok(accel::build(&lowered, &Accel { water, ..Accel::default() }, SimdLevel::detect())?)
 }
 
 /// A rival that is a spline's: with its solver, its instruction set and its order.

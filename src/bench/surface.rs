@@ -55,26 +55,12 @@ fn one_size(size: [usize; 2], settings: &Settings, sheet: &mut Sheet) -> Result<
             let row = Row {
                 bench: "surface".to_owned(),
                 columns: size_name(size),
-                order: rival.order,
-                accel: rival.name.clone(),
-                solver: rival.solver.clone(),
-                simd: rival.simd.clone(),
-                batch: rival.tracer.batch(),
                 rays: class.name().to_owned(),
                 mrays_per_s: speed.mrays_per_s,
                 ratio: speed.ratio,
-                checked: audit.rays,
-                lost: audit.lost,
-                false_hits: audit.false_hits,
-                wrong: audit.wrong,
-                tangent: audit.tangent,
-                gave_up: checked.gave_up,
-                error_rms: checked.error_rms(),
-                error_max: checked.error_max,
                 bytes_per_column: rival.bytes / columns,
-                build_ms: rival.build_ms,
                 threads: settings.threads,
-                ..Row::default()
+                ..measure::row(rival, &checked)
             };
             let counts = [audit.lost, audit.false_hits, audit.wrong, audit.tangent, checked.gave_up];
             let mut cells = vec![rival.title(), number(speed.mrays_per_s), number(speed.ratio)];
@@ -88,14 +74,8 @@ fn one_size(size: [usize; 2], settings: &Settings, sheet: &mut Sheet) -> Result<
         let row = Row {
             bench: "surface-build".to_owned(),
             columns: size_name(size),
-            order: rival.order,
-            accel: rival.name.clone(),
-            solver: rival.solver.clone(),
-            simd: rival.simd.clone(),
-            batch: rival.tracer.batch(),
             bytes_per_column: rival.bytes / columns,
-            build_ms: rival.build_ms,
-            ..Row::default()
+            ..measure::row(rival, &Checked::default())
         };
         sheet.row(&cells, row)?;
     }

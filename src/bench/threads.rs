@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::sync::Arc;
 
-use super::measure::{self, Turn};
+use super::measure::{self, Checked, Turn};
 use super::rows::Row;
 use super::sheet::{Sheet, number};
 use super::work::{self, RayClass};
@@ -32,18 +32,13 @@ pub fn run(settings: &Settings, out: &mut impl Write) -> Result<(), BenchError> 
                     let row = Row {
                         bench: "threads".to_owned(),
                         columns: size_name(size),
-                        order: rival.order,
-                        accel: rival.name.clone(),
-                        solver: rival.solver.clone(),
-                        simd: rival.simd.clone(),
                         batch: true,
                         rays: class.name().to_owned(),
                         mrays_per_s: speed.mrays_per_s,
                         ratio: speed.ratio,
                         bytes_per_column: rival.bytes / (size[0] * size[1]) as f64,
-                        build_ms: rival.build_ms,
                         threads,
-                        ..Row::default()
+                        ..measure::row(rival, &Checked::default())
                     };
                     let share = format!("{:.0}%", 100.0 * speed.ratio / threads as f64);
                     let figures = [threads.to_string(), number(speed.mrays_per_s), number(speed.ratio), share];

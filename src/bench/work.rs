@@ -8,6 +8,7 @@ use std::f64::consts::TAU;
 use glam::{DVec3, Vec3};
 
 use crate::accel::RayBatch;
+use crate::math::{STEP, scramble};
 use crate::surface::{Lattice, LatticeError, SplineSurface};
 
 /// A seeded stream of numbers (SplitMix64; Steele, Lea and Flood 2014).
@@ -21,11 +22,9 @@ impl Random {
     }
     /// Uniform in 0..1.
     pub fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ z >> 31) >> 11) as f64 / (1u64 << 53) as f64
+        let bits = scramble(self.0);
+        self.0 = self.0.wrapping_add(STEP);
+        (bits >> 11) as f64 / (1u64 << 53) as f64
     }
     /// Uniform between two values.
     pub fn within(&mut self, low: f64, high: f64) -> f64 {

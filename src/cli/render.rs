@@ -210,7 +210,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
     let view = View { eye: camera.pose.eye, pixel_angle: camera.pixel_angle() };
     let lowered =
         lower::lower(settings, &state, &run.environment, Some(view), run.simd).map_err(anyhow::Error::from)?;
-    let accelerator = accel::build(&lowered.lowered, &settings.accel).map_err(anyhow::Error::from)?;
+    let accelerator = accel::build(&lowered.lowered, &settings.accel, run.simd).map_err(anyhow::Error::from)?;
     let matter = MatterOfFrame::new(settings, &state, &lowered);
     let build_s = clock.elapsed().as_secs_f64();
 

@@ -56,7 +56,7 @@ pub fn run(arguments: &TraceArgs) -> Result<Outcome, CliError> {
     let threads = arguments.threads.or(std::thread::available_parallelism().ok()).map_or(1, std::num::NonZero::get);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(anyhow::Error::from)?;
     let answers = pool.install(|| -> Result<Vec<Answer>, CliError> {
-        let accelerator = accel::build(&lowered.lowered, &settings.accel).map_err(anyhow::Error::from)?;
+        let accelerator = accel::build(&lowered.lowered, &settings.accel, simd).map_err(anyhow::Error::from)?;
         let narrow = state.columns.width[0].min(state.columns.width[1]);
         let tracer = Tracer {
             rays: &rays,

@@ -166,7 +166,7 @@ mod tests {
                 ..Lowered::default()
             };
             let settings = Accel { water: WaterAccel::Brute, ..Accel::default() };
-            let accelerator = accel::build(&lowered, &settings).unwrap();
+            let accelerator = accel::build(&lowered, &settings, SimdLevel::detect()).unwrap();
             let (mut rays, mut hits, mut counts) = (RayBatch::default(), HitBatch::default(), SolveCounts::default());
             rays.tolerance_growth = 1e-5;
             for index in 0..4000_u32 {

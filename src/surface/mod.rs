@@ -21,6 +21,7 @@ pub use displaced::{BruteDisplaced, DisplacedSurface};
 pub use lanes::{LANES, LaneHits, LaneRays, LaneSurface, SingleAnswer, SingleHit, SingleRay, SurfacePoint};
 pub use lattice::{Lattice, LatticeError, basis};
 pub use sides::Sides;
+pub(crate) use solve::report as report_solver;
 pub use spline::SplineSurface;
 
 /// Whoever builds a surface names its instruction set.

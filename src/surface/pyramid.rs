@@ -11,8 +11,8 @@
 use super::lattice::{Lattice, to_bezier};
 use crate::simd::{Kernel, Simd, SimdLevel, dispatch};
 
-/// Greatest bound that fits.
-const MOST: u32 = 0x7fff;
+/// Greatest bound that fits, and the bits of the least in a word.
+pub(super) const MOST: u32 = 0x7fff;
 /// Set where a patch of the block is missing.
 pub(super) const HOLE: u32 = 0x8000;
 /// A cell without patch: its least is above its greatest.

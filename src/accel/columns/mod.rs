@@ -35,7 +35,7 @@ pub(super) struct Columns {
 /// It has a solver of its own, the report's. The default (nothing else was asked for) and `report` both mean that one;
 /// any other name asks for something that the walk does not do.
 fn takes(solver: SolverKind) -> bool {
-    solver == SolverKind::default() || solver.name() == "report"
+    solver == SolverKind::default() || solver == SolverKind::Report
 }
 
 impl Columns {

@@ -7,14 +7,9 @@
 
 use glam::DVec3;
 
-use super::walk::mixed;
+use crate::math::scramble;
 use crate::surface::Lattice;
-
-/// Steps for one guess: the report's `MAX_ITER`.
-const MAX_ITER: u32 = 5;
-/// How far a guess is moved from where the Jacobian is singular, in columns to either side: the report names
-/// `JITTER_TOLERANCE` without its value; this is the tenth of Martin et al.'s own program.
-const JITTER_TOLERANCE: f64 = 0.1;
+use crate::surface::report_solver::{JITTER_TOLERANCE, MAX_ITER};
 
 /// A point of the surface on the ray.
 pub(super) struct Root {
@@ -83,7 +78,7 @@ impl<'a> Target<'a> {
             let determinant = fu * gv - fv * gu;
             if determinant.abs() <= 4.0 * f64::EPSILON * ((fu * gv).abs() + (fv * gu).abs()) {
                 for axis in &mut at {
-                    random = mixed(random);
+                    random = scramble(random);
                     *axis += JITTER_TOLERANCE * (random as f64 / u64::MAX as f64 * 2.0 - 1.0);
                 }
                 continue;

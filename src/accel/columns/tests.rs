@@ -184,7 +184,8 @@ fn another_solver_is_refused_and_walls_answer_for_themselves() {
     let newton = SplineSurface::new(lattice, SolverKind::Newton, SimdLevel::Portable);
     let settings = Accel { water: WaterAccel::Columns, ..Accel::default() };
     let scene = lowered(vec![Shape::Surface(Arc::new(newton))]);
-    let error = build(&scene, &settings).err().expect("newton is not the report's solver").to_string();
+    let error =
+        build(&scene, &settings, SimdLevel::Portable).err().expect("newton is not the report's solver").to_string();
     assert!(error.starts_with("part 0: surface.solver is \"newton\", but accel.water = \"columns\""), "{error}");
 
     let water = Arc::new(waves(12, 0.3, |_| true));
@@ -194,7 +195,7 @@ fn another_solver_is_refused_and_walls_answer_for_themselves() {
     let bed = Arc::new(SplineSurface::new(bed, SolverKind::default(), SimdLevel::Portable));
     let sides = Arc::new(Sides::new(Arc::clone(&water), Some(Arc::clone(&bed))));
     let scene = lowered(vec![Shape::Surface(Arc::clone(&water)), Shape::Sides(sides), Shape::Surface(bed)]);
-    let accel = build(&scene, &settings).unwrap();
+    let accel = build(&scene, &settings, SimdLevel::Portable).unwrap();
     assert_eq!(accel.stats().name, "columns");
     assert!(accel.stats().bytes >= 2 * 144 * 8);
     let mut rays = RayBatch::default();
@@ -212,7 +213,7 @@ fn a_ray_that_leaves_the_water_does_not_meet_the_place_it_leaves() {
     let water = Arc::new(waves(12, 0.3, |_| true));
     let (height, _) = water.point(6.2, 5.7).unwrap();
     let scene = lowered(vec![Shape::Surface(water)]);
-    let accel = build(&scene, &Accel { water: WaterAccel::Columns, ..Accel::default() }).unwrap();
+    let accel = build(&scene, &Accel { water: WaterAccel::Columns, ..Accel::default() }, SimdLevel::Portable).unwrap();
     let mut rays = RayBatch::default();
     for up in [0.3, 1.0] {
         rays.push(Vec3::new(6.2, height as f32, 5.7), Vec3::new(0.1, up, 0.0), 0.0, f32::INFINITY, 1e-5);

@@ -9,7 +9,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use glam::{DVec3, Vec3};
 
 use super::newton::{Root, Target};
+use crate::math::scramble;
 use crate::surface::audit::Audit;
+use crate::surface::report_solver::OWN;
 use crate::surface::{LANES, LaneHits, LaneRays, LaneSurface, Lattice, SolveCounts, SplineSurface};
 
 /// One ray in this many is traced again by the referee, which takes some twenty times as long: the count costs a tenth.
@@ -23,10 +25,6 @@ pub struct ColumnWalk {
     bounds: Vec<Option<[f32; 2]>>,
     audit: Option<Arc<Mutex<Audit>>>,
 }
-
-/// A root nearer than this to the start of a ray, in columns, is the place that the ray leaves: a hundred times what single
-/// precision makes of a position ten columns away.
-const OWN: f64 = 1e-4;
 
 /// A ray in double precision.
 struct Line {
@@ -48,17 +46,9 @@ impl Line {
             direction: vector(&rays.direction),
             range: [rays.tnear[lane].into(), rays.tfar[lane].into()],
             tolerance: [rays.tolerance[lane].into(), rays.tolerance_growth.into()],
-            seed: numbers.fold(0, |seed, number| mixed(seed ^ number)),
+            seed: numbers.fold(0, |seed, number| scramble(seed ^ number)),
         }
     }
-}
-
-/// A permutation of 64 bits that leaves no pattern (the finisher of SplitMix64; Steele, Lea and Flood 2014).
-pub(super) fn mixed(number: u64) -> u64 {
-    let z = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ z >> 31
 }
 
 /// A ray's way over the cells.

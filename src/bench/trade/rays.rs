@@ -182,30 +182,16 @@ pub(super) fn run(size: [usize; 2], settings: &Settings, sheet: &mut Sheet) -> R
         let row = Row {
             bench: "trade".to_owned(),
             columns: name.clone(),
-            order: rival.order,
-            accel: rival.name.clone(),
-            solver: rival.solver.clone(),
-            simd: rival.simd.clone(),
-            batch: rival.tracer.batch(),
             rays: RayClass::Incoherent.name().to_owned(),
             mrays_per_s: speed.mrays_per_s,
             ratio: speed.ratio,
-            checked: audit.rays,
-            lost: audit.lost,
-            false_hits: audit.false_hits,
-            wrong: audit.wrong,
-            tangent: audit.tangent,
-            gave_up: checked.gave_up,
             dial: point.dial.clone(),
             setting: point.setting.clone(),
             value: point.value,
             seconds: 1e-6 / speed.mrays_per_s,
-            error_rms: checked.error_rms(),
-            error_max: checked.error_max,
             bytes_per_column: rival.bytes / (size[0] * size[1]) as f64,
-            build_ms: rival.build_ms,
             threads: settings.threads,
-            ..Row::default()
+            ..measure::row(rival, &checked)
         };
         let mut cells = vec![point.dial.clone(), point.setting.clone(), number(1e9 * row.seconds)];
         cells.extend([number(row.error_rms), number(row.error_max)]);

@@ -114,7 +114,7 @@ impl Setup {
 
     pub(super) fn accelerator(&self) -> Box<dyn Accelerator> {
         let settings = Accel { water: WaterAccel::Brute, objects: ObjectsAccel::Brute, ..Accel::default() };
-        accel::build(&self.lowered, &settings).unwrap()
+        accel::build(&self.lowered, &settings, crate::simd::SimdLevel::detect()).unwrap()
     }
 
     pub(super) fn render(&self) -> (Picture, RenderStats) {

@@ -3,6 +3,8 @@
 //!
 //! The mixer is SplitMix64's (Steele, Lea and Flood 2014, Fast splittable pseudorandom number generators).
 
+use crate::math::{STEP, finish};
+
 /// What a particle's number is for: no two purposes share a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Purpose {
@@ -22,16 +24,10 @@ pub(super) enum Purpose {
 
 /// A number of [0, 1), uniform over the multiples of 2^-53.
 pub(super) fn uniform(seed: u64, id: u64, purpose: Purpose) -> f64 {
-    // Odd factors are one to one on 64 bits, and a mix lies between any two, so that no line of ids meets a line of purposes.
-    let start = mix(seed.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-    let bits = mix(mix(start ^ id.wrapping_mul(0xd134_2543_de82_ef95)) ^ purpose as u64);
+    // Odd factors are one to one on 64 bits, and a finisher lies between any two, so that no line of ids meets a line of purposes.
+    let start = finish(seed.wrapping_add(1).wrapping_mul(STEP));
+    let bits = finish(finish(start ^ id.wrapping_mul(0xd134_2543_de82_ef95)) ^ purpose as u64);
     (bits >> 11) as f64 * 2f64.powi(-53)
-}
-
-fn mix(mut bits: u64) -> u64 {
-    bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    bits ^ (bits >> 31)
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ mod clip;
 mod newton;
 mod polynomial;
 mod reference;
-mod report;
+pub(crate) mod report;
 mod univariate;
 
 pub(super) use clip::BezierClip;

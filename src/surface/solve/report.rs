@@ -9,12 +9,13 @@
 
 use super::newton::surface;
 use super::{PatchRay, RaySolver, Solve};
+use crate::math::{STEP, scramble};
 
 /// The report's MAX_ITER: steps for one guess.
-pub(in crate::surface) const MAX_ITER: usize = 5;
+pub(crate) const MAX_ITER: usize = 5;
 /// The report's JITTER_TOLERANCE: the furthest that a guess with a singular Jacobian jumps, in columns along each axis.
 /// The report gives no figure; Martin et al. 2000 jump by up to a tenth of the patch.
-pub(in crate::surface) const JITTER_TOLERANCE: f64 = 0.1;
+pub(crate) const JITTER_TOLERANCE: f64 = 0.1;
 
 /// The report's solver.
 #[derive(Clone, Copy, Debug)]
@@ -59,8 +60,9 @@ impl RaySolver for Report {
     }
 }
 
-/// A root within this share of the stretch from the start of a ray is the place that the ray leaves.
-const OWN: f64 = 1e-4;
+/// A root nearer than this to the start of a ray, in columns (here: in stretches, none of which is longer than a column's
+/// diagonal), is the place that the ray leaves: a hundred times what single precision makes of a position ten columns away.
+pub(crate) const OWN: f64 = 1e-4;
 
 /// Whether a root is where the ray begins: no sign tells the surface that a ray leaves from one that it meets, so, as in ray
 /// tracers of that day, what lies too near the start does not count. A ray that comes over the patch's border begins
@@ -99,11 +101,9 @@ impl Jitter {
     }
 
     fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
+        let bits = scramble(self.0);
+        self.0 = self.0.wrapping_add(STEP);
+        bits
     }
 
     fn next(&mut self) -> f64 {

@@ -9,7 +9,7 @@
 //! sign; a patch that begins with the other sign than the ray brought along is hit at its border. Together they make
 //! the walk watertight. It follows Tevs, Ihrke and Seidel, "Maximum Mipmaps for Fast, Accurate, and Scalable Dynamic
 //! Height Field Rendering", 2008, with a solver at the leaves instead of a bilinear patch.
-
+//!
 //! Rooms: `start` moves rays to the surface's box, `step` skips and descends, `patch` solves what is left, `single` is the
 //! whole walk for a ray that comes alone.
 
@@ -19,6 +19,7 @@ mod start;
 mod step;
 
 pub(super) use single::SingleWalk;
+use start::{Given, Ground};
 use step::{Grid, Lanes};
 
 use super::SolveCounts;
@@ -132,16 +133,11 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
     /// Puts the rays of a packet that meet the surface's box in the queue.
     #[inline(always)]
     fn enqueue<S: Simd>(&self, s: S, packet: usize, queue: &mut Queue<N>) {
-        self.enqueue_lanes::<S, LANES>(s, packet, 0, queue);
-    }
-
-    /// The lanes `from..from + L` of a packet; `L` is at least the width of the vectors.
-    #[inline(always)]
-    fn enqueue_lanes<S: Simd, const L: usize>(&self, s: S, packet: usize, from: usize, queue: &mut Queue<N>) {
         let rays = &self.rays[packet];
-        let start = self.start::<L>(rays, from);
-        for first in (0..L).step_by(S::LANES) {
-            let asked = s.from_bits(u32::from(rays.active) >> (from + first));
+        let ground = Ground { lattice: self.lattice, pyramid: self.pyramid, range: self.range };
+        let start = ground.start(&Given::packet(rays));
+        for first in (0..LANES).step_by(S::LANES) {
+            let asked = s.from_bits(u32::from(rays.active) >> first);
             let lanes = asked & s.le(s.splat(0.0), s.load(&start.length[first..]));
             let count = queue.count;
             for axis in 0..2 {
@@ -155,12 +151,12 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
             s.compress(s.load(&start.length[first..]), lanes, &mut queue.waiting[LENGTH][count..]);
             s.compress(s.load(&start.tolerance[first..]), lanes, &mut queue.waiting[TOLERANCE][count..]);
             s.compress(s.load(&start.entered[first..]), lanes, &mut queue.waiting[ENTERED][count..]);
-            s.compress(s.load(&rays.direction[1][from + first..]), lanes, &mut queue.waiting[VERTICAL][count..]);
+            s.compress(s.load(&rays.direction[1][first..]), lanes, &mut queue.waiting[VERTICAL][count..]);
             let mut bits = s.bits(lanes);
             while bits != 0 {
                 let lane = bits.trailing_zeros() as usize;
                 queue.waiting[RAY][queue.count] = queue.count as f32;
-                queue.number[queue.count] = packet * LANES + from + first + lane;
+                queue.number[queue.count] = packet * LANES + first + lane;
                 queue.base[queue.count] = start.base[first + lane];
                 queue.count += 1;
                 bits &= bits - 1;

@@ -1,8 +1,51 @@
 //! Where rays begin their walk: clipped to the surface's box and moved there in double precision.
 
-use super::Walk;
-use crate::surface::lanes::LaneRays;
-use crate::surface::solve::PatchSolver;
+use crate::surface::lanes::{LANES, LaneRays, SingleRay};
+use crate::surface::lattice::Lattice;
+use crate::surface::pyramid::Pyramid;
+
+/// Rays as they are given: a packet's, or one.
+pub(super) struct Given<const L: usize> {
+    pub origin: [[f32; L]; 3],
+    pub direction: [[f32; L]; 3],
+    pub tnear: [f32; L],
+    pub tfar: [f32; L],
+    pub tolerance: [f32; L],
+    pub tolerance_growth: f32,
+    /// Bit per lane that holds a ray.
+    pub active: u16,
+}
+
+impl Given<LANES> {
+    #[inline(always)]
+    pub(super) fn packet(rays: &LaneRays) -> Self {
+        let LaneRays { origin, direction, tnear, tfar, tolerance, tolerance_growth, active } = *rays;
+        Self { origin, direction, tnear, tfar, tolerance, tolerance_growth, active }
+    }
+}
+
+impl Given<1> {
+    #[inline(always)]
+    pub(super) fn single(ray: &SingleRay) -> Self {
+        Self {
+            origin: ray.origin.map(|component| [component]),
+            direction: ray.direction.map(|component| [component]),
+            tnear: [ray.range[0]],
+            tfar: [ray.range[1]],
+            tolerance: [ray.tolerance],
+            tolerance_growth: ray.tolerance_growth,
+            active: 1,
+        }
+    }
+}
+
+/// What rays start over: the lattice, its bounds, and the least and greatest height (m).
+#[derive(Clone, Copy)]
+pub(super) struct Ground<'a> {
+    pub lattice: &'a Lattice,
+    pub pyramid: &'a Pyramid,
+    pub range: [f64; 2],
+}
 
 /// Where some rays of a packet start, in the surface's own terms.
 pub(super) struct Start<const L: usize> {
@@ -28,26 +71,24 @@ pub(super) struct Start<const L: usize> {
     pub entered: [f32; L],
 }
 
-impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: usize, const G: usize>
-    Walk<'_, P, K, D, ANY, N, G>
-{
+impl Ground<'_> {
     /// Clips each ray to the surface's box and moves it there, in double precision. Loops over lanes, one plain
     /// expression each, that compilers turn into vectors.
     #[inline(always)]
-    pub(super) fn start<const L: usize>(&self, rays: &LaneRays, from: usize) -> Start<L> {
+    pub(super) fn start<const L: usize>(&self, rays: &Given<L>) -> Start<L> {
         let lattice = self.lattice;
         let inverse_width = [1.0 / lattice.width[0], 1.0 / lattice.width[1]];
         let (mut near, mut far) = ([0.0; L], [0.0; L]);
         let (mut origin, mut direction) = ([[0.0; L]; 3], [[0.0; L]; 3]);
         for lane in 0..L {
-            near[lane] = f64::from(rays.tnear[from + lane]);
-            far[lane] = f64::from(rays.tfar[from + lane]);
-            origin[0][lane] = (f64::from(rays.origin[0][from + lane]) - lattice.corner[0]) * inverse_width[0];
-            origin[1][lane] = (f64::from(rays.origin[2][from + lane]) - lattice.corner[1]) * inverse_width[1];
-            origin[2][lane] = f64::from(rays.origin[1][from + lane]);
-            direction[0][lane] = f64::from(rays.direction[0][from + lane]) * inverse_width[0];
-            direction[1][lane] = f64::from(rays.direction[2][from + lane]) * inverse_width[1];
-            direction[2][lane] = f64::from(rays.direction[1][from + lane]);
+            near[lane] = f64::from(rays.tnear[lane]);
+            far[lane] = f64::from(rays.tfar[lane]);
+            origin[0][lane] = (f64::from(rays.origin[0][lane]) - lattice.corner[0]) * inverse_width[0];
+            origin[1][lane] = (f64::from(rays.origin[2][lane]) - lattice.corner[1]) * inverse_width[1];
+            origin[2][lane] = f64::from(rays.origin[1][lane]);
+            direction[0][lane] = f64::from(rays.direction[0][lane]) * inverse_width[0];
+            direction[1][lane] = f64::from(rays.direction[2][lane]) * inverse_width[1];
+            direction[2][lane] = f64::from(rays.direction[1][lane]);
         }
         let tnear = near;
         let low = [lattice.domain[0][0], lattice.domain[0][1], self.range[0]];
@@ -97,7 +138,7 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
             plumb |= (direction[0][lane] == 0.0) & (direction[1][lane] == 0.0) & (start.length[lane] >= 0.0);
         }
         if plumb {
-            self.settle_plumb(rays.active >> from, &mut start, &origin, &direction);
+            self.settle_plumb(rays.active, &mut start, &origin, &direction);
         }
         let inverse_step = 1.0 / self.pyramid.step;
         for lane in 0..L {
@@ -107,7 +148,7 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
             start.height[1][lane] = (height - f64::from(leading)) as f32;
             start.step[lane] = ((height - self.pyramid.floor) * inverse_step) as f32;
             start.rise[lane] = (direction[2][lane] * inverse_step) as f32;
-            start.tolerance[lane] = rays.tolerance[from + lane] + rays.tolerance_growth * start.base[lane] as f32;
+            start.tolerance[lane] = rays.tolerance[lane] + rays.tolerance_growth * start.base[lane] as f32;
         }
         start
     }

@@ -4,7 +4,7 @@ use super::Walk;
 use super::per_axis;
 use crate::simd::Simd;
 use crate::surface::lattice::Lattice;
-use crate::surface::pyramid::{DIGITS, HOLE, Pyramid};
+use crate::surface::pyramid::{DIGITS, HOLE, MOST, Pyramid};
 use crate::surface::solve::PatchSolver;
 
 /// The rays that one vector's lanes walk.
@@ -141,7 +141,7 @@ impl<P: PatchSolver, const K: usize, const D: usize, const ANY: bool, const N: u
         let coarse = s.gt_int(lanes.level, int_zero);
         let x_first = s.le(exit[0], exit[1]);
 
-        let low = s.to_float(word & s.splat_int(0x7fff));
+        let low = s.to_float(word & s.splat_int(MOST as i32));
         let high = s.to_float(s.shift_right(word, s.splat_int(16)));
         let whole = s.eq_int(word & s.splat_int(HOLE as i32), int_zero);
         // A block without patch has its least above all there is, and no ray there.
