@@ -11,6 +11,8 @@ mod rules;
 mod shape;
 mod simulation;
 mod types;
+mod water;
+mod water_types;
 
 pub use errors::{Place, SceneError, SceneErrors};
 pub use load::{LoadedScene, MOST_BYTES, load};
@@ -18,3 +20,5 @@ pub use overrides::Override;
 pub use shape::{names_of, schema};
 pub use simulation::*;
 pub use types::*;
+pub use water::*;
+pub use water_types::{Coefficients, WAVELENGTHS, absorption_of, diffuse_attenuation};

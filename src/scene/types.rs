@@ -7,7 +7,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Simulation;
+use super::{Simulation, Water};
 
 /// A whole scene file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -211,90 +211,6 @@ impl Default for Surface {
     }
 }
 
-/// Reflectance of the water's surface, by name.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Fresnel {
-    /// The dielectric's Fresnel equations, unpolarised.
-    #[default]
-    Exact,
-    /// Schlick 1994.
-    Schlick,
-}
-
-/// The sun's mirror image on the water.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Highlight {
-    /// A GGX lobe of `water.roughness`.
-    #[default]
-    Ggx,
-    /// Phong's lobe of `water.phong_exponent` (the report's table 4.1).
-    Phong,
-    /// No highlight.
-    None,
-}
-
-/// A named set of water properties.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum WaterPreset {
-    /// The report's table 4.1: diffuse, specular, Phong 1000, Schlick with `r0`.
-    Report,
-}
-
-/// `[water]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Water {
-    /// Start from a named set; keys given beside it still win.
-    pub preset: Option<WaterPreset>,
-    /// Index of refraction.
-    #[schemars(range(min = 1.0, max = 4.0))]
-    pub ior: f64,
-    /// Absorption per metre: red, green, blue.
-    #[schemars(inner(range(min = 0.0, max = 1000000.0)))]
-    pub absorption: [f64; 3],
-    /// `exact` or `schlick`.
-    pub fresnel: Fresnel,
-    /// Schlick's reflectance at normal incidence; by default ((n-1)/(n+1))^2.
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub r0: Option<f64>,
-    /// Diffuse reflectance of the surface itself (0: clear water).
-    #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub diffuse: [f64; 3],
-    /// Scale of the mirror reflection and of the highlight.
-    #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub specular: [f64; 3],
-    /// `ggx`, `phong` or `none`.
-    pub highlight: Highlight,
-    /// GGX roughness (alpha) of the sun's highlight.
-    #[schemars(range(min = 0.0001, max = 1.0))]
-    pub roughness: f64,
-    /// Exponent of the Phong highlight.
-    #[schemars(range(min = 1.0, max = 1000000.0))]
-    pub phong_exponent: f64,
-    /// Whether the water is there at all.
-    pub visible: bool,
-}
-impl Default for Water {
-    fn default() -> Self {
-        Self {
-            preset: None,
-            ior: 1.333,
-            absorption: [0.34, 0.05, 0.009],
-            fresnel: Fresnel::Exact,
-            r0: None,
-            diffuse: [0.0; 3],
-            specular: [1.0; 3],
-            highlight: Highlight::Ggx,
-            roughness: 0.03,
-            phong_exponent: 1000.0,
-            visible: true,
-        }
-    }
-}
-
 /// How spray is drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -450,6 +366,8 @@ pub enum SkyKind {
     /// An analytic daylight sky for the sun's place.
     #[default]
     Analytic,
+    /// The same by the formulas of Preetham, Shirley and Smits (1999), to compare with: no twilight.
+    Preetham,
     /// Two textures: sky above, ground below (the report's 4.3, filtered).
     Skybox,
     /// A latitude-longitude image (.hdr or .exr).
@@ -462,7 +380,7 @@ pub enum SkyKind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sky {
-    /// `analytic`, `skybox`, `latlong` or `constant`.
+    /// `analytic`, `preetham`, `skybox`, `latlong` or `constant`.
     pub kind: SkyKind,
     /// Whether the camera sees it; if not, A is 0 there. It lights the scene either way.
     pub visible: bool,
@@ -472,10 +390,10 @@ pub struct Sky {
     /// Factor on whatever the sky is.
     #[schemars(range(min = 0.0, max = 1000000.0))]
     pub scale: f64,
-    /// Haze of the analytic sky (Preetham's turbidity).
+    /// Haze of the analytic sky, and of Preetham's (his turbidity).
     #[schemars(range(min = 1.7, max = 10.0))]
     pub turbidity: f64,
-    /// Albedo of the ground below the analytic sky's horizon.
+    /// Albedo of the ground below the analytic sky's horizon, and below that of Preetham's.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub ground_albedo: [f64; 3],
     /// The latlong image, relative to the scene file.
