@@ -18,7 +18,7 @@
 //! | [`terrain`] | meshes, panels, boulders, the look of the ground |
 //! | [`lower`] | all of these → backend-neutral parts |
 //! | [`accel`] | the accelerators behind one seam |
-//! | [`optics`] | Fresnel, absorption, sky, sun |
+//! | [`optics`] | Fresnel, rough surfaces, absorption and scattering, sky, sun |
 //! | [`render`] | camera, sampler, film, tiles, integrators |
 //! | [`output`] | EXR, metadata, PNG/JPEG/BMP, whole files only |
 //! | [`mod@cli`], [`mod@bench`] | sit on top; nothing imports them |

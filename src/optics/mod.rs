@@ -1,4 +1,5 @@
-//! Fresnel, absorption, highlights, sky and sun: what light does at a point, and what comes from far away.
+//! Fresnel, rough surfaces, absorption, scattering, highlights, sky and sun: what light does at a point or along a ray, and
+//! what comes from far away.
 //!
 //! Pure functions over plain data; nothing here traces a ray. Directions are unit vectors in the scene's frame
 //! (x east, y up, z south), radiance is scene-linear Rec.709 in the units of the default daylight, under which a

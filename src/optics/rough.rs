@@ -9,6 +9,8 @@ use std::f32::consts::{PI, TAU};
 
 use glam::Vec3;
 
+use crate::scene;
+
 use super::fresnel;
 
 /// A border between air and a denser medium.
@@ -48,6 +50,11 @@ pub struct Evaluation {
 const FACET_ROUNDING: f32 = 0.01;
 
 impl Interface {
+    /// The surface of a scene's water.
+    pub fn from_scene(water: &scene::Water) -> Self {
+        Self { alpha: water.roughness as f32, ior: water.ior as f32 }
+    }
+
     /// Whether light is mirrored and bent as by a plane: bounces are without density, evaluations are 0.
     ///
     /// A rough border finds its facet from two directions, each component of which is rounded by 2^-24. Through

@@ -114,8 +114,8 @@ fn from_attenuation(attenuation: [f64; 3], scattering: f64, wavelengths: [f64; 3
     Coefficients { absorption, scattering }
 }
 
-/// Scattering (1/m) at a wavelength (nm) of water that scatters `at_514` at 514 nm (V. Haltrin and others' linear fit, as in
-/// Premoze and Ashikhmin 2001).
+/// Scattering (1/m) at a wavelength (nm) of water that scatters `at_514` at 514 nm (R. Gould et al., Spectral dependence of the
+/// scattering coefficient in case 1 and case 2 waters, 1999: a straight line).
 fn particles(at_514: f64, wavelength: f64) -> f64 {
     at_514 * (1.62517 - 0.00113 * wavelength) / (1.62517 - 0.00113 * 514.0)
 }

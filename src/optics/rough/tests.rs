@@ -228,6 +228,8 @@ fn the_smoother_the_nearer_to_a_mirror() {
     // No bending, no lobe; and what is no number is no lobe either.
     assert!(Interface { alpha: 0.5, ior: 1.0 }.is_smooth());
     assert!(water(f32::NAN).is_smooth());
+    let scene_water = |roughness| Interface::from_scene(&crate::scene::Water { roughness, ..Default::default() });
+    assert!(scene_water(0.0).is_smooth() && scene_water(0.03) == water(0.03));
     let nothing = Interface { alpha: 0.5, ior: 1.0 };
     assert!((nothing.refract(normal, eye, normal, true).unwrap().direction + eye).length() < 1e-6);
 }

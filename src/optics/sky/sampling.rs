@@ -12,10 +12,10 @@ use rayon::prelude::*;
 use super::{Kind, Sky, place};
 use crate::optics::luminance;
 
-/// Most columns and rows of the table: 2 million cells, 24 MB. A larger image's pixels are averaged: what lies between the
-/// pixels of a cell is drawn evenly.
-const MOST_COLUMNS: usize = 2048;
-const MOST_ROWS: usize = 1024;
+/// Most columns and rows of the table: half a million cells, 5 MB, which a processor can keep near. A larger image's pixels
+/// are averaged: those of a cell are drawn evenly.
+const MOST_COLUMNS: usize = 1024;
+const MOST_ROWS: usize = 512;
 
 /// Cells of a sky that is a formula: its steepest slope, at the horizon, spans several.
 const FORMULA_COLUMNS: usize = 512;
@@ -32,10 +32,15 @@ const EVEN_SHARE: f64 = 0.02;
 pub struct SkySampler {
     columns: usize,
     rows: usize,
+    /// Height (as half of 1 - cosine with the zenith) of each row's upper border, and of the last one's lower border.
+    borders: Vec<f64>,
     /// Sum of the shares of all rows up to and with this one; the last is 1.
     row_sums: Vec<f32>,
     /// The same for the cells of each row, row after row.
     column_sums: Vec<f32>,
+    /// For each of these lists, where to look in it for a number.
+    row_guide: Vec<u16>,
+    column_guide: Vec<u16>,
     /// Density (1/sr) of each cell, row after row.
     density: Vec<f32>,
 }
@@ -57,7 +62,7 @@ impl SkySampler {
                     let v = (row as f64 + (y as f64 + 0.5) / looks as f64) / rows as f64;
                     for x in 0..looks {
                         let u = (column as f64 + (x as f64 + 0.5) / looks as f64) / columns as f64;
-                        sum += f64::from(luminance(sky.radiance(direction(u, v))));
+                        sum += f64::from(luminance(look(sky, u, v)));
                     }
                 }
                 *cell = sum / (looks * looks) as f64 * solid(row);
@@ -84,22 +89,24 @@ impl SkySampler {
             above += of_row;
             row_sums.push(above as f32);
         }
-        Self { columns, rows, row_sums, column_sums, density }
+        let row_guide = guide(&row_sums);
+        let column_guide = column_sums.chunks(columns).flat_map(guide).collect();
+        let borders = (0..=rows).map(|row| (0.5 * PI * row as f64 / rows as f64).sin().powi(2)).collect();
+        Self { columns, rows, borders, row_sums, column_sums, row_guide, column_guide, density }
     }
 
     /// A direction and its density (1/sr), always over 0. `u` is uniform in the unit square.
     #[inline]
     pub fn sample(&self, u: [f32; 2]) -> (Vec3, f32) {
-        let (row, y) = pick(&self.row_sums, u[1]);
-        let sums = &self.column_sums[row * self.columns..(row + 1) * self.columns];
-        let (column, x) = pick(sums, u[0]);
+        let (row, y) = pick(&self.row_sums, &self.row_guide, u[1]);
+        let cells = row * self.columns..(row + 1) * self.columns;
+        let (column, x) = pick(&self.column_sums[cells.clone()], &self.column_guide[cells], u[0]);
         // Even in 1 - cos from the zenith, which is 2 sin^2 of half the angle: near both poles no digits are lost.
-        let half = |row: usize| (0.5 * PI * row as f64 / self.rows as f64).sin().powi(2);
-        let sin2 = half(row) + y * (half(row + 1) - half(row));
-        let azimuth = 2.0 * PI * (column as f64 + x) / self.columns as f64;
-        let side = 2.0 * (sin2 * (1.0 - sin2)).max(0.0).sqrt();
-        let (sin, cos) = azimuth.sin_cos();
-        let direction = Vec3::new((side * sin) as f32, (1.0 - 2.0 * sin2) as f32, (-side * cos) as f32);
+        let sin2 = self.borders[row] + y * (self.borders[row + 1] - self.borders[row]);
+        let side = 2.0 * (sin2 * (1.0 - sin2)).max(0.0).sqrt() as f32;
+        let (sin, cos) = (2.0 * PI * (column as f64 + x) / self.columns as f64).sin_cos();
+        let (sin, cos) = (sin as f32, cos as f32);
+        let direction = Vec3::new(side * sin, (1.0 - 2.0 * sin2) as f32, -side * cos);
         (direction, self.density[row * self.columns + column])
     }
 
@@ -144,10 +151,41 @@ fn direction(u: f64, v: f64) -> Vec3 {
     Vec3::new((side * sin) as f32, y as f32, (-side * cos) as f32)
 }
 
+/// Radiance at a place of the table; images are asked without the way through a direction.
+fn look(sky: &Sky, u: f64, v: f64) -> Vec3 {
+    match &sky.kind {
+        Kind::LatLong { image, turn } => image.at(u as f32 - turn, v as f32) * sky.scale,
+        Kind::Skybox { above, below, turn } => {
+            (if v < 0.5 { above } else { below }).at(u as f32 - turn, v as f32) * sky.scale
+        }
+        Kind::Constant(_) | Kind::Analytic(_) => sky.radiance(direction(u, v)),
+    }
+}
+
+/// For each of as many equal steps of 0 to 1 as there are entries, the first entry whose running sum lies beyond the step's
+/// start (H. Chen and Y. Asau, On generating random variates from an empirical distribution, 1974).
+fn guide(sums: &[f32]) -> Vec<u16> {
+    let mut index = 0;
+    (0..sums.len())
+        .map(|step| {
+            let start = step as f32 / sums.len() as f32;
+            while index + 1 < sums.len() && sums[index] <= start {
+                index += 1;
+            }
+            index as u16
+        })
+        .collect()
+}
+
 /// Entry of a running sum into which a uniform number falls, and how far into it (0 to 1).
-fn pick(sums: &[f32], u: f32) -> (usize, f64) {
+#[inline]
+fn pick(sums: &[f32], guide: &[u16], u: f32) -> (usize, f64) {
+    let step = ((u * guide.len() as f32) as usize).min(guide.len() - 1);
+    // The product may be rounded up into the next step: look from one step before, to where the one after begins.
+    let first = usize::from(guide[step.saturating_sub(1)]);
+    let last = guide.get(step + 1).map_or(sums.len() - 1, |&index| usize::from(index));
     // The last sum may be rounded to under 1: what is beyond it belongs to the last entry.
-    let index = sums.partition_point(|&sum| sum <= u).min(sums.len() - 1);
+    let index = first + sums[first..last].partition_point(|&sum| sum <= u);
     let below = if index == 0 { 0.0 } else { f64::from(sums[index - 1]) };
     let width = f64::from(sums[index]) - below;
     let inside = if width > 0.0 { (f64::from(u) - below) / width } else { 0.5 };
@@ -199,6 +237,12 @@ mod tests {
             ("sun", with_sun(0.0)),
             ("turned sun", with_sun(0.123)),
             ("skybox", skybox()),
+            (
+                "larger than the table",
+                from_pixels(1500, 750, 0.2, |x, y| {
+                    Vec3::splat(if (400..404).contains(&x) && (200..204).contains(&y) { 3e4 } else { 0.5 })
+                }),
+            ),
             ("night", from_pixels(8, 4, 0.0, |_, _| Vec3::ZERO)),
             ("one pixel", from_pixels(1, 1, 0.0, |_, _| Vec3::ONE)),
             ("one light", from_pixels(64, 32, 0.0, |x, y| Vec3::splat(if (x, y) == (3, 8) { 1e6 } else { 0.0 }))),
@@ -245,6 +289,33 @@ mod tests {
             for u in [[0.0, 0.0], [1.0 - f32::EPSILON / 2.0; 2], [0.0, 1.0 - f32::EPSILON / 2.0]] {
                 let (d, density) = sampler.sample(u);
                 assert!(d.is_finite() && density > 0.0, "{name}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_guide_finds_what_a_search_of_the_whole_finds() {
+        let mut random = Uniform::new(14);
+        for count in [1usize, 2, 3, 17, 1000] {
+            for power in [1, 40] {
+                // Shares from even to a few that hold nearly all.
+                let shares: Vec<f64> = (0..count).map(|_| f64::from(random.one()).powi(power) + 1e-12).collect();
+                let total: f64 = shares.iter().sum();
+                let sums: Vec<f32> = shares
+                    .iter()
+                    .scan(0.0, |sum, share| {
+                        *sum += share / total;
+                        Some(*sum as f32)
+                    })
+                    .collect();
+                let guide = guide(&sums);
+                let borders: Vec<f32> = sums.iter().flat_map(|&sum| [sum, sum.next_down(), sum.next_up()]).collect();
+                let steps = (0..count).map(|step| step as f32 / count as f32);
+                let ends = [0.0, 1.0 - f32::EPSILON / 2.0];
+                for u in borders.into_iter().chain(steps).chain(ends).filter(|u| (0.0..1.0).contains(u)) {
+                    let whole = sums.partition_point(|&sum| sum <= u).min(count - 1);
+                    assert_eq!(pick(&sums, &guide, u).0, whole, "{count} {power} {u}");
+                }
             }
         }
     }
