@@ -12,6 +12,7 @@
 //! | [`simd`] | 16- and 8-lane vectors, the choice of instruction set at start |
 //! | [`scene`] | the TOML file → plain data, its schema, its errors |
 //! | [`state`] | `model.state`, `time###.state`, NPZ |
+//! | [`foam`] | where water is white: potentials, carried with the flow, its look |
 //! | [`sim`] | the simulation that makes frames: columns, pipes, spray |
 //! | [`surface`] | the water and the bed as B-splines: lattice, bounds, solvers, the other representations |
 //! | [`particles`] | spray: radius, colour, opacity |
@@ -35,6 +36,7 @@ pub mod simd;
 pub mod accel;
 pub mod bench;
 pub mod cli;
+pub mod foam;
 pub mod lower;
 pub mod math;
 pub mod optics;

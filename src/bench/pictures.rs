@@ -124,6 +124,7 @@ impl Built {
             spray: &self.lowered.spray,
             water: self.lowered.water.as_deref(),
             bed: self.lowered.bed.as_deref(),
+            foam: None,
         };
         let job = Job {
             scene: &self.scene,

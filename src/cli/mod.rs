@@ -3,6 +3,7 @@
 pub mod args;
 pub mod bench;
 pub mod errors;
+mod foam;
 pub mod load;
 mod look;
 pub mod progress;

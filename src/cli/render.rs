@@ -8,12 +8,14 @@ use glam::DVec3;
 
 use super::args::RenderArgs;
 use super::errors::{CliError, Outcome};
+use super::foam;
 use super::load;
 use super::look::local_now;
 use super::progress::Progress;
 use super::signals::StopFlag;
 use super::stats::{FrameStats, RunStats, part_names};
 use crate::accel;
+use crate::foam::{FoamField, FoamState};
 use crate::lower::{self, Environment, LoweredFrame, View};
 use crate::optics::Sky;
 use crate::output::{self, Picture, Window, WriteOptions, WriteReport, layers, naming};
@@ -211,7 +213,8 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
     let lowered =
         lower::lower(settings, &state, &run.environment, Some(view), run.simd).map_err(anyhow::Error::from)?;
     let accelerator = accel::build(&lowered.lowered, &settings.accel, run.simd).map_err(anyhow::Error::from)?;
-    let matter = MatterOfFrame::new(settings, &state, &lowered);
+    let foam = foam::of_frame(&run.loaded, &run.frames, number, &state)?;
+    let matter = MatterOfFrame::new(settings, &state, &lowered, foam.as_ref());
     let build_s = clock.elapsed().as_secs_f64();
 
     let clock = Instant::now();
@@ -276,10 +279,11 @@ struct MatterOfFrame {
     ground: Ground,
     waterline: Waterline,
     sky_view: SkyView,
+    foam: Option<FoamField>,
 }
 
 impl MatterOfFrame {
-    fn new(settings: &scene::Scene, state: &Frame, lowered: &LoweredFrame) -> Self {
+    fn new(settings: &scene::Scene, state: &Frame, lowered: &LoweredFrame, foam: Option<&FoamState>) -> Self {
         let columns = &state.columns;
         let origin: DVec3 = lowered.lowered.origin;
         let width = columns.width[0].min(columns.width[1]);
@@ -287,6 +291,7 @@ impl MatterOfFrame {
             ground: Ground::build(&settings.terrain, width, origin),
             waterline: Waterline::build(columns, settings.surface.dry_threshold, origin),
             sky_view: SkyView::build(columns, origin),
+            foam: foam.and_then(|foam| FoamField::build(foam, &settings.foam, columns.origin, origin)),
         }
     }
 
@@ -298,6 +303,7 @@ impl MatterOfFrame {
             spray: &lowered.spray,
             water: lowered.water.as_deref(),
             bed: lowered.bed.as_deref(),
+            foam: self.foam.as_ref(),
         }
     }
 }

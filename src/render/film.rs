@@ -19,6 +19,8 @@ pub enum Layer {
     Caustics,
     /// Spray.
     Spray,
+    /// Foam on the water.
+    Foam,
     /// Ground and objects.
     Terrain,
     /// Nothing.
@@ -27,8 +29,8 @@ pub enum Layer {
 
 impl Layer {
     /// Every layer, in the order of [`CHANNELS`].
-    pub const ALL: [Self; 6] =
-        [Self::Reflection, Self::Refraction, Self::Caustics, Self::Spray, Self::Terrain, Self::Sky];
+    pub const ALL: [Self; 7] =
+        [Self::Reflection, Self::Refraction, Self::Caustics, Self::Spray, Self::Foam, Self::Terrain, Self::Sky];
 }
 
 /// Depth where nothing is hit.
@@ -37,7 +39,7 @@ pub const NOTHING: f32 = 1e10;
 use SampleType::{Float, Half};
 
 /// Name and type of every channel of a Whitted picture, beauty first.
-pub const CHANNELS: [(&str, SampleType); 45] = [
+pub const CHANNELS: [(&str, SampleType); 49] = [
     ("R", Half),
     ("G", Half),
     ("B", Half),
@@ -71,6 +73,9 @@ pub const CHANNELS: [(&str, SampleType); 45] = [
     ("spray.R", Half),
     ("spray.G", Half),
     ("spray.B", Half),
+    ("foam.R", Half),
+    ("foam.G", Half),
+    ("foam.B", Half),
     ("terrain.R", Half),
     ("terrain.G", Half),
     ("terrain.B", Half),
@@ -79,6 +84,7 @@ pub const CHANNELS: [(&str, SampleType); 45] = [
     ("sky.B", Half),
     ("water.depth", Float),
     ("water.path", Float),
+    ("mask.foam", Half),
     ("velocity.x", Half),
     ("velocity.y", Half),
     ("velocity.z", Half),
@@ -126,6 +132,8 @@ pub(super) struct FilmTile {
     normal: Vec<Vec3>,
     /// Weight of the samples that saw a sky that is not to be seen.
     uncovered: Vec<f32>,
+    /// Share of the samples that is foam at first sight.
+    foam: Vec<f32>,
     nearest: Vec<Nearest>,
     /// Contributions that were dropped since they were not finite.
     pub(super) nonfinite: u64,
@@ -145,6 +153,7 @@ impl FilmTile {
         fill(&mut self.albedo, count, Vec3::ZERO);
         fill(&mut self.normal, count, Vec3::ZERO);
         fill(&mut self.uncovered, count, 0.0);
+        fill(&mut self.foam, count, 0.0);
         fill(&mut self.nearest, count, Nearest::NONE);
     }
 
@@ -174,6 +183,12 @@ impl FilmTile {
     #[inline]
     pub(super) fn add_uncovered(&mut self, pixel: u32, weight: f32) {
         self.uncovered[pixel as usize] += weight;
+    }
+
+    /// Notes that a share of one sample is foam at first sight.
+    #[inline]
+    pub(super) fn add_foam(&mut self, pixel: u32, cover: f32) {
+        self.foam[pixel as usize] += cover;
     }
 
     /// Takes `hit` if it is nearer than what the pixel has.
@@ -246,7 +261,7 @@ impl FilmTile {
         for layer in light {
             put(&layer.to_array());
         }
-        put(&[nearest.water_depth, nearest.water_path]);
+        put(&[nearest.water_depth, nearest.water_path, self.foam[index] * share]);
         put(&nearest.velocity.to_array());
         put(&[view.samples as f32]);
         values

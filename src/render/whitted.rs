@@ -192,7 +192,10 @@ impl World<'_> {
                 };
                 self.offer(&arrival, contact.shading, Vec3::ZERO, depth, scratch);
             }
-            self.shade_water(&arrival, scratch);
+            let open = arrival.carrier.in_water || matches!(arrival.part.shape, Shape::Sides(_));
+            if open || self.shade_foam(&mut arrival, scratch) {
+                self.shade_water(&arrival, scratch);
+            }
         } else {
             self.shade_diffuse(&arrival, scratch);
         }
@@ -210,6 +213,42 @@ impl World<'_> {
     #[inline]
     fn density(&self) -> f32 {
         self.water.ior * self.water.ior
+    }
+
+    /// Foam on the water as seen from the air: `cover` of it is a diffuse layer, the rest is left for the water below. False
+    /// if nothing is left.
+    fn shade_foam(&self, arrival: &mut Arrival, scratch: &mut Scratch) -> bool {
+        let Arrival { carrier, direction, contact, .. } = arrival;
+        // A pixel lies stretched over a slanted surface: the footprint has the same area.
+        let cosine = direction.dot(contact.normal).abs().max(f32::EPSILON);
+        let footprint = carrier.distance * self.camera.pixel_angle() as f32 / cosine.sqrt();
+        let Some(foam) = self.matter.foam(contact.position, footprint) else { return true };
+        // What would not be followed below is taken for foam, so that it keeps its share of light.
+        let below = carrier.throughput.max_element() * (1.0 - foam.cover);
+        let cover = if below < LEAST_THROUGHPUT { 1.0 } else { foam.cover };
+        let layer = carrier.layer.unwrap_or(Layer::Foam);
+        if carrier.primary {
+            scratch.film.add_foam(carrier.pixel, cover);
+        }
+        let normal = contact.shading;
+        scratch.film.add_guide(carrier.pixel, carrier.guide * cover, foam.albedo, normal);
+        let weight = carrier.throughput * foam.albedo * (cover * std::f32::consts::FRAC_1_PI);
+        scratch.film.add(carrier.pixel, layer, weight * self.sky.irradiance(normal));
+        let receiver = Receiver {
+            contact,
+            normal,
+            facing: Some(contact.normal),
+            weight,
+            in_water: false,
+            depth: 0.0,
+            distance: carrier.distance,
+            pixel: carrier.pixel,
+            layer,
+        };
+        self.ask_for_light(&receiver, scratch);
+        carrier.throughput *= 1.0 - cover;
+        carrier.guide *= 1.0 - cover;
+        cover < 1.0
     }
 
     fn shade_water(&self, arrival: &Arrival, scratch: &mut Scratch) {

@@ -5,6 +5,7 @@ use glam::{DVec3, Vec3};
 
 use crate::{
     accel::Accelerator,
+    foam::{Aeration, FoamLook},
     lower::Lowered,
     optics::{Sky, Sun, fresnel, highlight::Lobe},
     scene,
@@ -45,6 +46,14 @@ pub trait Matter: Sync {
     fn water_level(&self, x: f32, z: f32) -> Option<f32>;
     /// Height of the bed at x, z; `None` outside the domain.
     fn bed_level(&self, x: f32, z: f32) -> Option<f32>;
+    /// The foam on the water's surface at `position`, over a `footprint` (m); `None` where there is none.
+    fn foam(&self, _position: Vec3, _footprint: f32) -> Option<FoamLook> {
+        None
+    }
+    /// The bubbles in the water under its surface at x, z; `None` where there are none.
+    fn bubbles(&self, _x: f32, _z: f32) -> Option<Aeration> {
+        None
+    }
 }
 
 /// A point light in the local frame.

@@ -5,6 +5,7 @@
 mod check;
 mod document;
 mod errors;
+mod foam;
 mod load;
 mod overrides;
 mod rules;
@@ -12,6 +13,7 @@ mod shape;
 mod simulation;
 mod types;
 
+pub use foam::{Foam, FoamLimits, FoamRate};
 pub use errors::{Place, SceneError, SceneErrors};
 pub use load::{LoadedScene, MOST_BYTES, load};
 pub use overrides::Override;

@@ -44,6 +44,7 @@ pub(super) fn check(scene: &Scene, root: &Node, known: &[SceneError]) -> Vec<Sce
     rules.sky(scene);
     rules.sun(scene);
     rules.accelerators(scene);
+    rules.foam(scene);
     if let Some(simulation) = &scene.simulation {
         rules.simulation(simulation);
     }
@@ -108,6 +109,24 @@ impl Rules<'_> {
         if surface.representation != Representation::Spline && self.sound(&["surface.representation"]) {
             let expected = format!("\"spline\", {why}: the others leave them where they are");
             self.inconsistent("surface.representation", expected);
+        }
+    }
+
+    /// A potential grows from its first limit to its second.
+    fn foam(&mut self, scene: &Scene) {
+        let limits = &scene.foam.limits;
+        for (name, [least, most]) in [
+            ("convergence", limits.convergence),
+            ("vorticity", limits.vorticity),
+            ("pressure", limits.pressure),
+            ("crest", limits.crest),
+            ("energy", limits.energy),
+            ("depth", limits.depth),
+        ] {
+            let key = format!("foam.limits.{name}");
+            if least >= most && self.sound(&[&key]) {
+                self.inconsistent(&key, "two limits, the second above the first");
+            }
         }
     }
 

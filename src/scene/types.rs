@@ -7,7 +7,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Simulation;
+use super::{Foam, Simulation};
 
 /// A whole scene file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -21,6 +21,8 @@ pub struct Scene {
     pub surface: Surface,
     /// What water does to light.
     pub water: Water,
+    /// Where water is white.
+    pub foam: Foam,
     /// Spray.
     pub particles: Particles,
     /// The look of the bed and the banks.
