@@ -397,6 +397,7 @@ mod tests {
         let mut columns = water([20, 9], 0.25, |_, _| [1.0, 0.0]);
         (0..180).filter(|i| i % 20 == 10).for_each(|i| columns.top[i] = 0.0);
         let mut foam = blob(&columns, [1.0, 1.0], 0.6);
+        foam.clear(|column| column % 20 > 9);
         (0..100).for_each(|_| foam.step(&WaterMap::of(&columns, 0.001), &[0.0; 180], FOREVER, 0.1));
         assert!((0..180).filter(|i| i % 20 >= 10).all(|i| foam.density[i] == 0.0));
         assert!(foam.density[4 * 20 + 9] > 0.1);

@@ -131,7 +131,8 @@ impl FoamField {
 
     fn density_on(&self, basis: &Basis) -> f32 {
         let sum: f32 = (0..9).map(|k| basis.value[k] * self.density[basis.column[k]]).sum();
-        (sum * self.amount).min(1.0)
+        // Not `min`, which would make 1 of what is no number.
+        if sum * self.amount > 1.0 { 1.0 } else { sum * self.amount }
     }
 
     /// The foam at x, z of the local frame, averaged over a footprint (m); `None` where there is none.
@@ -161,7 +162,7 @@ impl FoamField {
                 continue;
             }
             // The most that a metre of water is in the pattern.
-            let squeezed = footprint * (along_x.length_squared() + along_z.length_squared()).sqrt().max(f32::MIN_POSITIVE);
+            let squeezed = footprint * largest_stretch(along_x, along_z);
             let (value, resolved) = lace(place / self.pattern, squeezed / self.pattern, seed);
             field += weight * value;
             variance += weight * weight * resolved;
@@ -192,6 +193,13 @@ impl FoamField {
             albedo: BUBBLE_ALBEDO,
         })
     }
+}
+
+/// The largest singular value of a matrix with these columns.
+fn largest_stretch(a: Vec2, b: Vec2) -> f32 {
+    let half = 0.5 * (a.length_squared() + b.length_squared());
+    let det = a.perp_dot(b);
+    (half + (half * half - det * det).max(0.0).sqrt()).sqrt()
 }
 
 #[cfg(test)]
@@ -240,14 +248,14 @@ mod tests {
     fn the_mean_of_the_cover_is_the_density_at_any_footprint() {
         for density in [0.03, 0.2, 0.5, 0.85] {
             let field = field(density, [0.0; 2], 0.0, &settings());
-            for footprint in [0.0, 0.03, 0.1, 0.2, 1.0] {
+            for footprint in [0.0, 0.03, 0.1, 0.2, 0.4, 1.0] {
                 let covers = picture(&field, [0.3, 0.3], 200, 0.033, footprint);
                 let mean = covers.iter().sum::<f32>() / covers.len() as f32;
                 assert!((mean - density).abs() < 0.01 + 0.03 * density, "{density}, {footprint} m: {mean}");
                 let spread = covers.iter().map(|cover| (cover - mean).powi(2)).sum::<f32>() / covers.len() as f32;
                 if footprint == 1.0 {
-                    assert!(spread < 1e-10, "{spread}");
-                } else if footprint < 0.1 {
+                    assert!(spread < 1e-8, "{spread}");
+                } else if footprint == 0.0 {
                     // Of the variance d (1 - d) of what is either foam or not, most: it is no fog.
                     assert!(spread > 0.5 * density * (1.0 - density), "{density}, {footprint} m: {spread}");
                 }
@@ -270,9 +278,12 @@ mod tests {
     fn nothing_jumps_where_a_layer_starts_anew() {
         let flow = [1.0, 0.0];
         // At 4 s the first layer starts anew; the field's time begins at 0.4 s.
-        let [before, after] = [3.598, 3.602].map(|time| picture(&field(0.4, flow, time, &settings()), [4.0, 2.0], 60, 0.03, 0.0));
-        let most = before.iter().zip(&after).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        assert!(most < 0.2, "{most}");
+        let [before, after] = [3.598_f32, 3.602].map(|time| {
+            picture(&field(0.4, flow, f64::from(time), &settings()), [4.0 + time, 2.0], 60, 0.03, 0.0)
+        });
+        // A filament between points two cells off may come or go by a rounding of its place, in one pixel of thousands.
+        let jumps = before.iter().zip(&after).filter(|(a, b)| (**a - **b).abs() > 0.01).count();
+        assert!(jumps < 4, "{jumps}");
     }
 
     #[test]
