@@ -32,6 +32,8 @@ pub struct WaterMap<'a> {
     pub pressure: &'a [f64],
     /// Velocity along x and z (m/s).
     pub flow: &'a [[f64; 2]],
+    /// Power that falling spray brings to each column's water (W/kg); empty for none.
+    pub impact: &'a [f64],
     /// Depth (m) under which a column is dry.
     pub dry_threshold: f64,
 }
@@ -43,7 +45,7 @@ pub struct Measures {
     pub convergence: f64,
     /// |curl u| (1/s).
     pub vorticity: f64,
-    /// Loss of total pressure along the flow over density (W/kg), at least 0.
+    /// Loss of total pressure along the flow over density, and what falling spray loses (W/kg), at least 0.
     pub pressure: f64,
     /// Curvature of a crest whose flow runs down its front (1/m), at least 0.
     pub crest: f64,
@@ -64,6 +66,7 @@ impl<'a> WaterMap<'a> {
             // A frame's pressure may be missing and is 0 everywhere then: the water still weighs something.
             pressure: if columns.pressure.iter().all(|&pressure| pressure == 0.0) { &[] } else { &columns.pressure },
             flow: &columns.flow,
+            impact: &[],
             dry_threshold,
         }
     }
@@ -125,7 +128,8 @@ impl<'a> WaterMap<'a> {
         Measures {
             convergence: (-(along_x[0] + along_z[1])).max(0.0),
             vorticity: (along_z[0] - along_x[1]).abs(),
-            pressure: (-(flow[0] * along_x[2] + flow[1] * along_z[2])).max(0.0),
+            pressure: (-(flow[0] * along_x[2] + flow[1] * along_z[2])).max(0.0)
+                + self.impact.get(column).copied().unwrap_or(0.0),
             crest: if forward { self.curvature(column).max(0.0) } else { 0.0 },
             energy: 0.5 * speed * speed,
             depth: self.top[column] - self.base[column],
@@ -147,23 +151,29 @@ impl<'a> WaterMap<'a> {
 
     /// Foam that forms in each column (share of its area in a second).
     ///
-    /// energy * depth * (sum of rate * potential), every factor clamped by its limits as I = clamp((x - min) / (max - min)).
+    /// depth * (energy * (rates of convergence, vorticity, crest) + rate of pressure), every measure clamped by its limits as
+    /// I = clamp((x - min) / (max - min)). Lost pressure is a power: the energy of motion is in it already.
     /// *Source*: Ihmsen et al. 2012, eqs. 1 and 8.
     pub fn production(&self, limits: &FoamLimits, rate: &FoamRate) -> Vec<f32> {
         let columns = 0..self.flow.len();
         let production = |column: usize| {
             let found = self.measures(column);
-            let common = share(found.energy, limits.energy) * share(found.depth, limits.depth);
-            if common == 0.0 {
-                return 0.0;
-            }
-            let sum = rate.convergence * share(found.convergence, limits.convergence)
+            let moving = rate.convergence * share(found.convergence, limits.convergence)
                 + rate.vorticity * share(found.vorticity, limits.vorticity)
-                + rate.pressure * share(found.pressure, limits.pressure)
                 + rate.crest * share(found.crest, limits.crest);
-            (common * sum) as f32
+            let sum = share(found.energy, limits.energy) * moving + rate.pressure * share(found.pressure, limits.pressure);
+            (share(found.depth, limits.depth) * sum) as f32
         };
         columns.into_par_iter().with_min_len(COLUMNS_PER_TASK).map(production).collect()
+    }
+}
+
+/// Turns the energy (J) that each column got from spray in `dt` seconds into a power for each mass of its water (W/kg).
+pub fn impact_power(energy: &mut [f64], water: &WaterMap, dt: f64) {
+    let area = water.width[0] * water.width[1];
+    for (column, energy) in energy.iter_mut().enumerate() {
+        let depth = water.top[column] - water.base[column];
+        *energy = if water.wet(column) { *energy / (dt * DENSITY * depth * area) } else { 0.0 };
     }
 }
 
@@ -236,6 +246,19 @@ pub(super) mod tests {
         bore.pressure = bore.top.iter().map(|top| WEIGHT * top).collect();
         let rate = produced(&bore);
         assert!(rate[4 * 12 + 5] > 1.0 && rate[4 * 12 + 2] == 0.0 && rate[4 * 12 + 10] == 0.0);
+    }
+
+    #[test]
+    fn spray_that_falls_in_makes_foam_by_its_power() {
+        let columns = water([12, 9], 0.25, |_, _| [0.0; 2]);
+        let map = WaterMap::of(&columns, 0.001);
+        let mut impact = vec![0.0; 108];
+        // 20 W/kg in a column of 62.5 kg, for a tenth of a second.
+        impact[40] = 20.0 * 62.5 * 0.1;
+        impact_power(&mut impact, &map, 0.1);
+        assert!((impact[40] - 20.0).abs() < 1e-9);
+        let rate = WaterMap { impact: &impact, ..map }.production(&FoamLimits::default(), &FoamRate::default());
+        assert!(rate[40] > 1.0 && rate[41] == 0.0);
     }
 
     #[test]

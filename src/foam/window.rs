@@ -3,10 +3,10 @@
 
 use std::borrow::Borrow;
 
-use super::potential::WaterMap;
+use super::potential::{WaterMap, impact_power};
 use super::{FoamError, FoamState};
 use crate::scene;
-use crate::state::Frame;
+use crate::state::{Columns, Frame};
 
 /// The foam of the last of `numbers`, from all of them in their order.
 ///
@@ -71,7 +71,9 @@ fn step(
         return Err(FoamError::Time { number, time: earlier.time, other, other_time: later.time });
     }
     let now = WaterMap::of(b, dry_threshold);
-    let production = now.production(&settings.limits, &settings.rate);
+    let mut impact = impacts(later, dt);
+    impact_power(&mut impact, &now, dt);
+    let production = WaterMap { impact: &impact, ..now }.production(&settings.limits, &settings.rate);
     let before = WaterMap::of(a, dry_threshold);
     let mean = |column: usize| {
         let ([x, z], [other_x, other_z]) = (a.flow[column], b.flow[column]);
@@ -81,6 +83,26 @@ fn step(
     let flow: Vec<[f64; 2]> = (0..b.flow.len()).map(mean).collect();
     foam.step(&WaterMap { flow: &flow, ..now }, &production, settings.lifetime, dt);
     Ok(())
+}
+
+/// Energy (J) that each column gets from the spray that falls in within `dt` seconds, flying on as it does now.
+fn impacts(frame: &Frame, dt: f64) -> Vec<f64> {
+    let Columns { origin, width, nx, nz, top, .. } = &frame.columns;
+    let mut energy = vec![0.0; nx * nz];
+    let spray = &frame.particles;
+    for ((position, velocity), mass) in spray.position.iter().zip(&spray.velocity).zip(&spray.mass) {
+        let [x, y, z] = *position;
+        let [i, j] = [(x - origin[0]) / width[0], (z - origin[1]) / width[1]].map(f64::round);
+        if !(i >= 0.0 && j >= 0.0 && i < *nx as f64 && j < *nz as f64) {
+            continue;
+        }
+        let column = j as usize * nx + i as usize;
+        // What is under the surface already has given its energy away.
+        if y > top[column] && y + velocity[1] * dt <= top[column] {
+            energy[column] += 0.5 * mass * velocity.iter().map(|v| v * v).sum::<f64>();
+        }
+    }
+    energy
 }
 
 #[cfg(test)]
@@ -131,6 +153,19 @@ mod tests {
         let (long, short) = (from(10), from(32));
         assert_eq!([long.offset(0), long.offset(1)], [short.offset(0), short.offset(1)]);
         assert_ne!(long.density(), short.density());
+    }
+
+    #[test]
+    fn spray_that_is_about_to_fall_in_counts_where_it_falls() {
+        let mut frame = frame(0);
+        frame.columns.origin = [10.0, -5.0];
+        let at = |y: f64, x: f64| [x, y, -5.0 + 0.25 * 3.0];
+        frame.particles.position = vec![at(1.05, 10.5), at(1.05, 10.5), at(0.9, 10.5), at(3.0, 10.5), at(1.05, 0.0)];
+        frame.particles.velocity = vec![[0.0, -4.0, 3.0], [0.0, 4.0, 3.0], [0.0, -4.0, 3.0], [0.0, -4.0, 0.0], [0.0, -4.0, 0.0]];
+        frame.particles.mass = vec![0.1; 5];
+        let energy = impacts(&frame, 1.0 / 24.0);
+        assert!((energy[3 * 32 + 2] - 0.5 * 0.1 * 25.0).abs() < 1e-12);
+        assert_eq!(energy.iter().filter(|&&energy| energy != 0.0).count(), 1);
     }
 
     #[test]

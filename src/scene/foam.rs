@@ -80,16 +80,16 @@ pub struct FoamLimits {
     /// Vorticity, either way (1/s).
     #[schemars(inner(range(min = 0.0, max = 1000000.0)))]
     pub vorticity: [f64; 2],
-    /// Loss of total pressure along the flow (W for each kg of water).
+    /// Loss of total pressure along the flow, and of falling spray (W for each kg of water).
     #[schemars(inner(range(min = 0.0, max = 1000000.0)))]
     pub pressure: [f64; 2],
     /// Curvature (1/m) of a crest that runs forward.
     #[schemars(inner(range(min = 0.0, max = 1000000.0)))]
     pub crest: [f64; 2],
-    /// Energy of the flow (J/kg), a factor on all of the above.
+    /// Energy of the flow (J/kg), a factor on all of the above but pressure.
     #[schemars(inner(range(min = 0.0, max = 1000000.0)))]
     pub energy: [f64; 2],
-    /// Depth of the water (m), another factor: films hold no air.
+    /// Depth of the water (m), a factor on all: films hold no air.
     #[schemars(inner(range(min = 0.0, max = 1000000.0)))]
     pub depth: [f64; 2],
 }
@@ -98,7 +98,7 @@ impl Default for FoamLimits {
         Self {
             convergence: [1.0, 6.0],
             vorticity: [3.0, 12.0],
-            pressure: [2.0, 12.0],
+            pressure: [4.0, 30.0],
             crest: [1.0, 5.0],
             energy: [0.15, 2.0],
             depth: [0.01, 0.06],

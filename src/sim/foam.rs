@@ -3,7 +3,7 @@
 //! What makes it and how it moves is the room `foam`; here is only the pace. Foam does not act back on anything.
 
 use super::{Grid, Water};
-use crate::foam::{FoamState, WaterMap};
+use crate::foam::{FoamState, WaterMap, potential::impact_power};
 use crate::scene;
 use crate::state::StoredFoam;
 
@@ -19,6 +19,8 @@ pub(super) struct CarriedFoam {
     foam: FoamState,
     /// Seconds since the foam was last moved.
     pending: f64,
+    /// Energy (J) that each column got from spray since then.
+    impacts: Vec<f64>,
     top: Vec<f64>,
     flow: Vec<[f64; 2]>,
 }
@@ -31,14 +33,17 @@ impl CarriedFoam {
             settings: settings.clone(),
             dry_threshold,
             pending: 0.0,
+            impacts: vec![0.0; grid.count()],
             top: vec![0.0; grid.count()],
             flow: vec![[0.0; 2]; grid.count()],
         }
     }
 
-    /// After a step of `dt` seconds of the water: moves the foam if the water has gone far enough.
-    pub(super) fn step(&mut self, water: &Water, sink: &[bool], dt: f64) {
+    /// After a step of `dt` seconds of the water: moves the foam if the water has gone far enough. `impacts` is the energy (J)
+    /// that each column got from spray, or empty for none.
+    pub(super) fn step(&mut self, water: &Water, impacts: &[f64], sink: &[bool], dt: f64) {
         self.pending += dt;
+        self.impacts.iter_mut().zip(impacts).for_each(|(sum, impact)| *sum += impact);
         water.flow_into(&mut self.flow);
         let width = water.grid().width;
         let crossed = |flow: &[f64; 2]| (flow[0].abs() / width[0]).max(flow[1].abs() / width[1]);
@@ -67,11 +72,14 @@ impl CarriedFoam {
             // The water's own weight: what presses on it from outside moves it, and shows in its flow.
             pressure: &[],
             flow: &self.flow,
+            impact: &[],
             dry_threshold: self.dry_threshold,
         };
-        let production = map.production(&self.settings.limits, &self.settings.rate);
+        impact_power(&mut self.impacts, &map, self.pending);
+        let production = WaterMap { impact: &self.impacts, ..map }.production(&self.settings.limits, &self.settings.rate);
         self.foam.step(&map, &production, self.settings.lifetime, self.pending);
         self.pending = 0.0;
+        self.impacts.fill(0.0);
         // Water leaves by the sinks, and foam with it.
         self.foam.clear(|column| sink[column]);
     }
@@ -81,11 +89,12 @@ impl CarriedFoam {
         self.foam.to_stored().arrays()
     }
 
-    /// All that the next step depends on: times, densities, offsets.
+    /// All that the next step depends on: times, impacts, densities, offsets.
     pub(super) fn state(&self) -> Vec<f64> {
         let StoredFoam { density, offset, .. } = self.foam.to_stored();
         let values = density.into_iter().chain(offset.into_iter().flatten().flatten());
-        [self.foam.time(), self.pending].into_iter().chain(values.map(f64::from)).collect()
+        let times = [self.foam.time(), self.pending].into_iter();
+        times.chain(self.impacts.iter().copied()).chain(values.map(f64::from)).collect()
     }
 
     /// Goes on from a state; false, and nothing changed, if it is not one of this map.
@@ -93,10 +102,11 @@ impl CarriedFoam {
     pub(super) fn set_state(&mut self, state: &[f64]) -> bool {
         let [nx, nz] = self.foam.count();
         let columns = nx * nz;
-        if state.len() != 2 + columns * (1 + 2 * StoredFoam::LAYERS) || !state.iter().all(|value| value.is_finite()) {
+        if state.len() != 2 + columns * (2 + 2 * StoredFoam::LAYERS) || !state.iter().all(|value| value.is_finite()) {
             return false;
         }
-        let single: Vec<f32> = state[2..].iter().map(|&value| value as f32).collect();
+        let (impacts, rest) = state[2..].split_at(columns);
+        let single: Vec<f32> = rest.iter().map(|&value| value as f32).collect();
         let (density, offsets) = single.split_at(columns);
         if !density.iter().all(|density| (0.0..=1.0).contains(density)) || state[1] < 0.0 {
             return false;
@@ -107,6 +117,7 @@ impl CarriedFoam {
         let stored = StoredFoam { density: density.to_vec(), offset, renewal: self.foam.to_stored().renewal };
         self.foam = FoamState::stored(self.foam.count(), self.foam.width(), state[0], stored);
         self.pending = state[1];
+        self.impacts.copy_from_slice(impacts);
         true
     }
 }
@@ -128,7 +139,7 @@ mod tests {
         let sink = vec![false; grid().count()];
         for _ in 0..steps {
             water.step(0.005, &Forcing::default());
-            foam.step(&water, &sink, 0.005);
+            foam.step(&water, &[], &sink, 0.005);
         }
         foam.settle(&water, &sink, 0.005 * steps as f64);
         (foam, water)
@@ -149,7 +160,7 @@ mod tests {
         let (mut foam, water) = run(|_| 0.0, |column| if column % 40 < 12 { 1.5 } else { 0.2 }, 120);
         let sink: Vec<bool> = (0..grid().count()).map(|column| foam.foam.density()[column] > 0.1).collect();
         assert!(sink.contains(&true));
-        foam.step(&water, &sink, 1.0);
+        foam.step(&water, &[], &sink, 1.0);
         assert!((0..sink.len()).all(|column| !sink[column] || foam.foam.density()[column] == 0.0));
     }
 
@@ -161,15 +172,15 @@ mod tests {
         let mut other = CarriedFoam::new(&scene::Foam::default(), 0.001, &grid(), 0.0);
         assert!(other.set_state(&state));
         let sink = vec![false; grid().count()];
-        foam.step(&water, &sink, 0.1);
-        other.step(&water, &sink, 0.1);
+        foam.step(&water, &[], &sink, 0.1);
+        other.step(&water, &[], &sink, 0.1);
         assert_eq!(foam.foam, other.foam);
         let changed = |index: usize, value: f64| {
             let mut state = state.clone();
             state[index] = value;
             state
         };
-        for wrong in [changed(2, 1.5), changed(2, -0.1), changed(1, -1.0), changed(0, f64::NAN), state[1..].to_vec()] {
+        for wrong in [changed(2 + 240, 1.5), changed(2 + 240, -0.1), changed(1, -1.0), changed(0, f64::NAN), state[1..].to_vec()] {
             assert!(!other.set_state(&wrong));
         }
     }

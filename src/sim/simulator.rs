@@ -272,7 +272,7 @@ impl Simulator {
         let impacts = self.spray.as_ref().map_or(&[][..], Spray::impacts);
         self.turbulence.step(&self.water, dt, impacts);
         if let Some(foam) = &mut self.foam {
-            foam.step(&self.water, &self.sink, dt);
+            foam.step(&self.water, impacts, &self.sink, dt);
         }
         let work = &mut self.work;
         work.steps += 1;
