@@ -106,7 +106,11 @@ impl FoamState {
 
     /// Takes the foam out of columns.
     pub fn clear(&mut self, which: impl Fn(usize) -> bool) {
-        self.density.iter_mut().enumerate().filter(|(column, _)| which(*column)).for_each(|(_, density)| *density = 0.0);
+        self.density
+            .iter_mut()
+            .enumerate()
+            .filter(|(column, _)| which(*column))
+            .for_each(|(_, density)| *density = 0.0);
     }
 
     /// `dt` seconds in the flow of `water`, with `production` (1/s) in each column.
@@ -262,8 +266,12 @@ impl Crossed {
         let cell = [(at[0] as usize).min(nx - 2), (at[1] as usize).min(nz - 2)];
         let [x, z] = [at[0] - cell[0] as f32, at[1] - cell[1] as f32];
         let first = cell[1] * nx + cell[0];
-        let corners =
-            [(first, (1.0 - x) * (1.0 - z)), (first + 1, x * (1.0 - z)), (first + nx, (1.0 - x) * z), (first + nx + 1, x * z)];
+        let corners = [
+            (first, (1.0 - x) * (1.0 - z)),
+            (first + 1, x * (1.0 - z)),
+            (first + nx, (1.0 - x) * z),
+            (first + nx + 1, x * z),
+        ];
         let (mut sum, mut total) = ([0.0; 2], 0.0);
         for (corner, weight) in corners {
             if self.wet[corner] {
@@ -415,7 +423,9 @@ mod tests {
                 let (_, passed) = foam.phase(layer);
                 let since = (passed * 2.0).min(0.1 * f64::from(step));
                 let offset = foam.offset[layer][14];
-                assert!((f64::from(offset[0]) + since).abs() < 1e-4 && (f64::from(offset[1]) - 0.5 * since).abs() < 1e-4);
+                assert!(
+                    (f64::from(offset[0]) + since).abs() < 1e-4 && (f64::from(offset[1]) - 0.5 * since).abs() < 1e-4
+                );
             }
         }
         let phases = [0, 1].map(|layer| foam.phase(layer).1);

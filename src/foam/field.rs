@@ -56,7 +56,7 @@ pub struct FoamField {
     /// Weight by age, and seed, of each layer.
     layers: [(f32, u32); LAYERS],
     amount: f32,
-    /// Width of the largest meshes, and of bubbles (m).
+    /// Width of the lace's meshes, and of bubbles (m).
     pattern: f32,
     bubble: f32,
     softness: f32,
@@ -82,7 +82,7 @@ impl FoamField {
             return None;
         }
         let width = state.width();
-        let pattern = settings.pattern.unwrap_or(1.5 * width[0].min(width[1]));
+        let pattern = settings.pattern.unwrap_or(width[0].min(width[1]));
         Some(Self {
             corner: Vec2::new((origin[0] - local.x) as f32, (origin[1] - local.z) as f32),
             width: Vec2::new(width[0] as f32, width[1] as f32),
@@ -114,7 +114,8 @@ impl FoamField {
         let slopes = |f: f32| [f - 0.5, -2.0 * f, f + 0.5];
         let (along_x, along_z) = ((weights(f.x), slopes(f.x)), (weights(f.y), slopes(f.y)));
         // Outside, the edge repeats, as the water's own control points do.
-        let clamp = |place: f32, step: usize, count: usize| (place + step as f32 - 1.0).clamp(0.0, (count - 1) as f32) as usize;
+        let clamp =
+            |place: f32, step: usize, count: usize| (place + step as f32 - 1.0).clamp(0.0, (count - 1) as f32) as usize;
         let each = |k: usize| (k % 3, k / 3);
         Basis {
             column: std::array::from_fn(|k| {
@@ -156,7 +157,8 @@ impl FoamField {
                 along_x += basis.slope[k].x * offset;
                 along_z += basis.slope[k].y * offset;
             }
-            let strain = ((along_x - Vec2::X).length_squared() + (along_z - Vec2::Y).length_squared()) / (STRETCH * STRETCH);
+            let strain =
+                ((along_x - Vec2::X).length_squared() + (along_z - Vec2::Y).length_squared()) / (STRETCH * STRETCH);
             let weight = age_weight / (1.0 + strain);
             if !(weight > 0.0) {
                 continue;
@@ -278,9 +280,8 @@ mod tests {
     fn nothing_jumps_where_a_layer_starts_anew() {
         let flow = [1.0, 0.0];
         // At 4 s the first layer starts anew; the field's time begins at 0.4 s.
-        let [before, after] = [3.598_f32, 3.602].map(|time| {
-            picture(&field(0.4, flow, f64::from(time), &settings()), [4.0 + time, 2.0], 60, 0.03, 0.0)
-        });
+        let [before, after] = [3.598_f32, 3.602]
+            .map(|time| picture(&field(0.4, flow, f64::from(time), &settings()), [4.0 + time, 2.0], 60, 0.03, 0.0));
         // A filament between points two cells off may come or go by a rounding of its place, in one pixel of thousands.
         let jumps = before.iter().zip(&after).filter(|(a, b)| (**a - **b).abs() > 0.01).count();
         assert!(jumps < 4, "{jumps}");
@@ -290,17 +291,25 @@ mod tests {
     fn density_is_smooth_across_columns_and_absent_foam_is_none() {
         let mut state = FoamState::new(COUNT, [0.25; 2], 0.0, 4.0).to_stored();
         assert!(
-            FoamField::build(&FoamState::stored(COUNT, [0.25; 2], 0.0, state.clone()), &settings(), [0.0; 2], DVec3::ZERO)
-                .is_none()
+            FoamField::build(
+                &FoamState::stored(COUNT, [0.25; 2], 0.0, state.clone()),
+                &settings(),
+                [0.0; 2],
+                DVec3::ZERO
+            )
+            .is_none()
         );
         state.density[15 * 40 + 20] = 0.8;
         let state = FoamState::stored(COUNT, [0.25; 2], 0.0, state);
-        assert!(FoamField::build(&state, &scene::Foam { visible: false, ..settings() }, [0.0; 2], DVec3::ZERO).is_none());
+        assert!(
+            FoamField::build(&state, &scene::Foam { visible: false, ..settings() }, [0.0; 2], DVec3::ZERO).is_none()
+        );
         let field = FoamField::build(&state, &settings(), [0.0; 2], DVec3::ZERO).unwrap();
         let density = |x: f32| field.bubbles(x, 15.0 * 0.25).map_or(0.0, |bubbles| bubbles.extinction / field.aeration);
         assert!((density(5.0) - 0.8 * 0.75 * 0.75).abs() < 1e-5);
         let slope = |x: f32| (density(x + 0.005) - density(x - 0.005)) / 0.01;
-        let steepest = (0..200).map(|i| 4.6 + 0.004 * i as f32).map(|x| (slope(x + 0.004) - slope(x)).abs()).fold(0.0, f32::max);
+        let steepest =
+            (0..200).map(|i| 4.6 + 0.004 * i as f32).map(|x| (slope(x + 0.004) - slope(x)).abs()).fold(0.0, f32::max);
         assert!(steepest < 0.2, "the slope jumps by {steepest}");
         assert!(field.at(1.0, 1.0, 0.01).is_none() && field.at(f32::NAN, 1.0, 0.01).is_none());
         assert!(field.bubbles(1.0, 1.0).is_none());

@@ -161,7 +161,8 @@ impl<'a> WaterMap<'a> {
             let moving = rate.convergence * share(found.convergence, limits.convergence)
                 + rate.vorticity * share(found.vorticity, limits.vorticity)
                 + rate.crest * share(found.crest, limits.crest);
-            let sum = share(found.energy, limits.energy) * moving + rate.pressure * share(found.pressure, limits.pressure);
+            let sum =
+                share(found.energy, limits.energy) * moving + rate.pressure * share(found.pressure, limits.pressure);
             (share(found.depth, limits.depth) * sum) as f32
         };
         columns.into_par_iter().with_min_len(COLUMNS_PER_TASK).map(production).collect()
@@ -211,7 +212,8 @@ pub(super) mod tests {
         for flow in [[0.0, 0.0], [4.0, -2.0]] {
             let mut columns = water([12, 9], 0.25, |_, _| flow);
             // A bed that is no plane under a level surface.
-            (0..108).for_each(|i| columns.base[i] = 0.3 * f64::from((i as u32).wrapping_mul(2_654_435_761) >> 24) / 256.0);
+            (0..108)
+                .for_each(|i| columns.base[i] = 0.3 * f64::from((i as u32).wrapping_mul(2_654_435_761) >> 24) / 256.0);
             columns.pressure = columns.base.iter().map(|base| WEIGHT * (1.0 - base)).collect();
             assert!(produced(&columns).iter().all(|&rate| rate == 0.0), "{flow:?}");
         }
@@ -224,7 +226,11 @@ pub(super) mod tests {
         assert!((vortex.vorticity - 6.0).abs() < 1e-12 && vortex.convergence < 1e-12);
         let sink = at(&water([12, 9], 0.25, |x, z| [5.0 - 2.0 * x, 1.0 - 1.5 * z]));
         assert!((sink.convergence - 3.5).abs() < 1e-12 && sink.vorticity < 1e-12);
-        assert_eq!(at(&water([12, 9], 0.25, |x, _| [1.0 + 2.0 * x, 0.0])).convergence, 0.0, "air is not trapped by divergence");
+        assert_eq!(
+            at(&water([12, 9], 0.25, |x, _| [1.0 + 2.0 * x, 0.0])).convergence,
+            0.0,
+            "air is not trapped by divergence"
+        );
         // Total pressure falls by g * 0.1 m/m at 2 m/s.
         let mut chute = water([12, 9], 0.25, |_, _| [2.0, 0.0]);
         (0..108).for_each(|i| chute.top[i] = 3.0 - 0.1 * 0.25 * (i % 12) as f64);

@@ -134,7 +134,8 @@ mod tests {
         let settings = scene::Foam { window: 5, ..scene::Foam::default() };
         for number in 0..12 {
             let numbers: Vec<i64> = ((number - 5).max(0)..=number).collect();
-            let run = recompute(&settings, 0.001, &numbers, |number| Ok::<_, FoamError>(&frames[number as usize])).unwrap();
+            let run =
+                recompute(&settings, 0.001, &numbers, |number| Ok::<_, FoamError>(&frames[number as usize])).unwrap();
             assert_eq!(run, alone(number, 5), "frame {number}");
         }
         assert!(alone(7, 5).density().iter().any(|&density| density > 0.1), "the vortex makes foam");
@@ -161,7 +162,8 @@ mod tests {
         frame.columns.origin = [10.0, -5.0];
         let at = |y: f64, x: f64| [x, y, -5.0 + 0.25 * 3.0];
         frame.particles.position = vec![at(1.05, 10.5), at(1.05, 10.5), at(0.9, 10.5), at(3.0, 10.5), at(1.05, 0.0)];
-        frame.particles.velocity = vec![[0.0, -4.0, 3.0], [0.0, 4.0, 3.0], [0.0, -4.0, 3.0], [0.0, -4.0, 0.0], [0.0, -4.0, 0.0]];
+        frame.particles.velocity =
+            vec![[0.0, -4.0, 3.0], [0.0, 4.0, 3.0], [0.0, -4.0, 3.0], [0.0, -4.0, 0.0], [0.0, -4.0, 0.0]];
         frame.particles.mass = vec![0.1; 5];
         let energy = impacts(&frame, 1.0 / 24.0);
         assert!((energy[3 * 32 + 2] - 0.5 * 0.1 * 25.0).abs() < 1e-12);

@@ -436,7 +436,10 @@ mod tests {
     #[test]
     fn tiles_land_in_their_place_of_the_data_window() {
         let mut film = Film::new(window(-3, 5, 5, 3));
-        film.place(window(0, 6, 2, 2), &[[1.0; CHANNELS.len()], [2.0; 45], [3.0; 45], [4.0; 45]]);
+        film.place(
+            window(0, 6, 2, 2),
+            &[[1.0; CHANNELS.len()], [2.0; CHANNELS.len()], [3.0; CHANNELS.len()], [4.0; CHANNELS.len()]],
+        );
         let channels = film.into_channels();
         assert_eq!(channels[0].samples, [0., 0., 0., 0., 0., 0., 0., 0., 1., 2., 0., 0., 0., 3., 4.]);
     }

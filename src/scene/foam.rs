@@ -27,7 +27,7 @@ pub struct Foam {
     pub limits: FoamLimits,
     /// How fast foam forms where a potential is 1.
     pub rate: FoamRate,
-    /// Width (m) of the largest meshes of the lace; by default 1.5 times the smaller column width.
+    /// Width (m) of the lace's meshes; by default the smaller width of a column.
     #[schemars(range(min = 0.000001, max = 1000000.0))]
     pub pattern: Option<f64>,
     /// Width (m) of the bubbles that grain the foam; by default a twelfth of `pattern`.

@@ -205,6 +205,25 @@ mod tests {
     }
 
     #[test]
+    fn a_potential_of_foam_grows_from_its_first_limit_to_its_second() {
+        let scene = good("[foam]\nwindow = 12\nlimits = { crest = [0.5, 2.0] }\nrate = { vorticity = 0.0 }\n", &[]);
+        assert_eq!((scene.foam.window, scene.foam.limits.crest, scene.foam.rate.vorticity), (12, [0.5, 2.0], 0.0));
+        assert_eq!(
+            scene.foam.limits.depth,
+            crate::scene::FoamLimits::default().depth,
+            "keys beside it keep their defaults"
+        );
+        for limits in ["[2.0, 2.0]", "[3.0, 2.0]"] {
+            let told = messages(COMPLETE, &[&format!("foam.limits.energy={limits}")]);
+            assert!(
+                told.len() == 1 && told[0].contains("foam.limits.energy") && told[0].contains("second above"),
+                "{told:?}"
+            );
+        }
+        assert!(messages(COMPLETE, &["foam.lifetime=0"])[0].contains("foam.lifetime"));
+    }
+
+    #[test]
     fn every_fixed_name_is_taken() {
         for (key, names) in [
             ("surface.representation", &["quads", "tessellated", "spline"][..]),

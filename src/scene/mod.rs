@@ -13,8 +13,8 @@ mod shape;
 mod simulation;
 mod types;
 
-pub use foam::{Foam, FoamLimits, FoamRate};
 pub use errors::{Place, SceneError, SceneErrors};
+pub use foam::{Foam, FoamLimits, FoamRate};
 pub use load::{LoadedScene, MOST_BYTES, load};
 pub use overrides::Override;
 pub use shape::{names_of, schema};

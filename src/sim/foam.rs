@@ -76,7 +76,8 @@ impl CarriedFoam {
             dry_threshold: self.dry_threshold,
         };
         impact_power(&mut self.impacts, &map, self.pending);
-        let production = WaterMap { impact: &self.impacts, ..map }.production(&self.settings.limits, &self.settings.rate);
+        let production =
+            WaterMap { impact: &self.impacts, ..map }.production(&self.settings.limits, &self.settings.rate);
         self.foam.step(&map, &production, self.settings.lifetime, self.pending);
         self.pending = 0.0;
         self.impacts.fill(0.0);
@@ -180,7 +181,9 @@ mod tests {
             state[index] = value;
             state
         };
-        for wrong in [changed(2 + 240, 1.5), changed(2 + 240, -0.1), changed(1, -1.0), changed(0, f64::NAN), state[1..].to_vec()] {
+        for wrong in
+            [changed(2 + 240, 1.5), changed(2 + 240, -0.1), changed(1, -1.0), changed(0, f64::NAN), state[1..].to_vec()]
+        {
             assert!(!other.set_state(&wrong));
         }
     }

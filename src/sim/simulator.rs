@@ -9,8 +9,8 @@ use std::time::Instant;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::ledger::{Balance, Ledger};
 use super::foam::CarriedFoam;
+use super::ledger::{Balance, Ledger};
 use super::spray::{Spray, SprayCounts, SprayState};
 use super::turbulence::Turbulence;
 use super::{Forcing, Setup, SimError, Solids, Water, WaterSettings};

@@ -241,3 +241,37 @@ fn sun_through_the_surface_carries_the_refracted_sun() {
     let expected = cosine * (1.0 - f64::from(fresnel::reflectance_exact(cosine as f32, 1.0, 1.333)));
     assert!((sum - expected).abs() < 0.05 * expected, "{sum}, not {expected}");
 }
+
+#[test]
+fn foam_is_a_diffuse_share_of_the_water_and_leaves_the_rest_as_it_was() {
+    for (irradiance, cover) in [(0.0, 0.4), (0.0, 1.0), (2.2, 0.4)] {
+        let mut scene = uniform(1.0, 16);
+        lossless(&mut scene);
+        scene.camera.fov = 30.0;
+        scene.sun.irradiance = irradiance;
+        (scene.sun.elevation, scene.sun.azimuth) = (40.0, 90.0);
+        scene.water.highlight = crate::scene::Highlight::None;
+        let parts = vec![
+            part("water", Material::Water, mesh(level(0.0, 500.0))),
+            part("terrain", Material::Ground, mesh(level(-1.0, 500.0))),
+        ];
+        let mut setup = Setup::new(scene, parts, [0.0, 2.0, 3.0], [0.0; 3]);
+        setup.matter = Flat { water: Some(0.0), bed: Some(-1.0), albedo: Vec3::ONE, ..Flat::default() };
+        let (without, _) = setup.render();
+        let look = FoamLook { cover, albedo: Vec3::new(0.9, 0.8, 0.7), thickness: 0.01, density: cover };
+        setup.matter.foam = Some(look);
+        let (with, _) = setup.render();
+        let sun = Sun::build(&setup.scene.sun, &setup.scene.sky);
+        let light = Vec3::ONE + sun.irradiance * sun.direction.y * std::f32::consts::FRAC_1_PI;
+        for (channel, light) in ["R", "G", "B"].into_iter().zip((cover * look.albedo * light).to_array()) {
+            assert_all(&with, &format!("foam.{channel}"), light, 1e-5);
+            let [beauty, before] = [&with, &without].map(|picture| samples(picture, channel));
+            for (beauty, before) in beauty.iter().zip(before) {
+                // Rays that are too faint to follow see the sky in place of what they would have met.
+                assert!((beauty - light - (1.0 - cover) * before).abs() < 2e-3, "{beauty} {light} {before}");
+            }
+        }
+        assert_all(&with, "mask.foam", cover, 1e-6);
+        assert!(samples(&without, "mask.foam").iter().chain(samples(&without, "foam.G")).all(|&value| value == 0.0));
+    }
+}

@@ -10,6 +10,7 @@ use glam::{DVec3, Vec3};
 use super::*;
 use crate::{
     accel::{self, Accelerator},
+    foam::FoamLook,
     lower::{Lowered, Material, Part, Shape, Spheres, Triangles},
     optics::Sky,
     output::Picture,
@@ -22,12 +23,13 @@ pub(super) struct Flat {
     pub(super) bed: Option<f32>,
     pub(super) albedo: Vec3,
     pub(super) spray: SprayLook,
+    pub(super) foam: Option<FoamLook>,
 }
 
 impl Default for Flat {
     fn default() -> Self {
         let spray = SprayLook { albedo: Vec3::splat(0.8), opacity: 0.7, velocity: Vec3::new(3.0, 1.0, 0.5) };
-        Self { water: None, bed: None, albedo: Vec3::splat(0.5), spray }
+        Self { water: None, bed: None, albedo: Vec3::splat(0.5), spray, foam: None }
     }
 }
 
@@ -43,6 +45,9 @@ impl Matter for Flat {
     }
     fn bed_level(&self, _x: f32, _z: f32) -> Option<f32> {
         self.bed
+    }
+    fn foam(&self, _position: Vec3, _footprint: f32) -> Option<FoamLook> {
+        self.foam
     }
 }
 
