@@ -1,4 +1,4 @@
-//! The lace of foam: meshes of filaments at four scales, as one Gaussian field whose statistics are known exactly.
+//! The lace of foam: meshes of filaments at five scales, as one Gaussian field whose statistics are known exactly.
 //!
 //! Each scale is the difference of distances to the two nearest points of a jittered lattice (S. Worley, A cellular texture
 //! basis function, 1996), 0 on the filaments between cells, bent by a slow warp, and turned into a standard normal variable by
@@ -12,7 +12,8 @@ use glam::Vec2;
 
 /// Size and weight of each scale, relative to the pattern's; the squares of the weights add up to 1. No size is a whole
 /// multiple of another.
-const SCALES: [(f32, f32); 4] = [(2.63, 0.45), (1.0, 0.70), (1.0 / 2.37, 0.45), (1.0 / 5.61, 0.324)];
+const SCALES: [(f32, f32); 5] =
+    [(6.91, 0.321), (2.63, 0.4515), (1.0, 0.6421), (1.0 / 2.37, 0.4214), (1.0 / 5.61, 0.3211)];
 /// Cosine and sine of the golden angle, by which each lattice is turned against the one before.
 const TURN: Vec2 = Vec2::new(-0.737_369, 0.675_490);
 /// Share of its cell within which a lattice's point lies: the two nearest are then (all but always) among 3 x 3 cells.
@@ -54,10 +55,9 @@ pub(super) fn bubbles(u: Vec2, footprint: f32, seed: u32) -> f32 {
 /// Mean of 1/2 - min(2 f^2, 1), f the distance to the nearest point: found by [`DISTRIBUTION`]'s way of sampling.
 const GRAIN_MEAN: f32 = 0.096;
 
-/// How much of a pattern of unit size survives averaging over a footprint: all at a sixth, none at two thirds. Filaments are
-/// narrower than the cells between them.
+/// How much of a pattern of unit size survives averaging over a footprint: all at a quarter, none at a whole cell.
 fn visibility(footprint: f32) -> f32 {
-    let t = ((2.0 / 3.0 - footprint) * 2.0).clamp(0.0, 1.0);
+    let t = ((1.0 - footprint) / 0.75).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
@@ -230,9 +230,9 @@ mod tests {
     #[test]
     fn what_a_footprint_hides_leaves_the_variance() {
         let mut before = 1.01;
-        for footprint in [0.0, 0.1, 0.2, 0.4, 0.6, 1.0, 1.8] {
+        for footprint in [0.0, 0.1, 0.2, 0.4, 0.8, 2.0, 7.0] {
             let (sum, variance) = lace(Vec2::new(3.3, -7.1), footprint, 5);
-            assert!(variance <= before && (footprint < 1.76 || (sum, variance) == (0.0, 0.0)));
+            assert!(variance <= before && (footprint < 6.95 || (sum, variance) == (0.0, 0.0)));
             before = variance;
         }
         assert!((lace(Vec2::ONE, 0.0, 5).1 - 1.0).abs() < 1e-3);

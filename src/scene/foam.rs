@@ -63,7 +63,7 @@ impl Default for Foam {
             bubble: None,
             softness: 0.25,
             thickness: 0.02,
-            albedo: [0.90, 0.92, 0.93],
+            albedo: [0.94, 0.95, 0.96],
             aeration: 20.0,
             aeration_depth: 0.15,
         }
