@@ -10,7 +10,7 @@ use whitewater::output::{Picture, SampleType, read_exr};
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/tiny/scene.toml");
 
 /// Light layers that a Whitted picture has.
-const LIGHT: [&str; 6] = ["reflection", "refraction", "caustics", "spray", "terrain", "sky"];
+const LIGHT: [&str; 7] = ["reflection", "refraction", "caustics", "spray", "foam", "terrain", "sky"];
 
 fn render(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_whitewater"));
@@ -80,6 +80,7 @@ fn expected_channels() -> Vec<(String, SampleType)> {
         layer(light, "RGB", Half);
     }
     layer("velocity", "xyz", Half);
+    channels.push(("mask.foam".to_owned(), Half));
     channels.extend(["water.depth", "water.path", "sampleCount"].map(|name| (name.to_owned(), Float)));
     channels.sort_by(|a, b| a.0.cmp(&b.0));
     channels
@@ -105,8 +106,8 @@ fn both_frames_have_every_layer_and_the_layers_add_up() {
             for c in 0..3 {
                 let sum: f64 = layers.iter().map(|layer| layer[c]).sum();
                 let size: f64 = layers.iter().map(|layer| layer[c].abs()).sum::<f64>() + beauty[c].abs();
-                // Each of the seven numbers is rounded to 11 bits, or to a multiple of 2^-24 below 2^-14.
-                let bound = size * 2f64.powi(-11) + 7.0 * 2f64.powi(-25);
+                // Each of the eight numbers is rounded to 11 bits, or to a multiple of 2^-24 below 2^-14.
+                let bound = size * 2f64.powi(-11) + 8.0 * 2f64.powi(-25);
                 assert!((sum - beauty[c]).abs() <= bound, "pixel {pixel}: {beauty:?} against {layers:?}");
             }
         }
