@@ -618,7 +618,7 @@ fn a_frame_rendered_alone_has_the_foam_that_it_has_in_a_run() {
     }
     let picture = whitewater::output::read_exr(&scene.at("alone.0007.exr")).unwrap();
     let mask = &picture.channels.iter().find(|channel| channel.name == "mask.foam").unwrap().samples;
-    assert!(mask.iter().any(|&share| share > 0.5) && mask.iter().any(|&share| share == 0.0));
+    assert!(mask.iter().any(|&share| share > 0.5) && mask.contains(&0.0));
     // A window that reaches over a frame which is damaged says so.
     fs::write(scene.at("frames/time006.state"), b"whitewater-frame 1\n").unwrap();
     let output = scene.command("render", &["--frames", "7", "-o", "x.exr", "--set", "foam.window=4"]).output().unwrap();

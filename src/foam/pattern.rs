@@ -176,7 +176,7 @@ pub(super) fn normal_quantile(p: f32) -> f32 {
     let q = p - 0.5;
     if q.abs() <= 0.425 {
         let r = 0.180_625 - q * q;
-        let upper = ((59.109_375 * r + 159.291_14) * r + 50.434_27) * r + 3.387_132_9;
+        let upper = ((59.109_375 * r + 159.291_14) * r + 50.434_27) * r + 3.387_133;
         let lower = ((67.187_56 * r + 78.757_76) * r + 17.895_17) * r + 1.0;
         return q * upper / lower;
     }
@@ -203,8 +203,7 @@ mod tests {
 
     #[test]
     fn the_normal_distribution_and_its_inverse_agree_with_tables() {
-        for (p, x) in [(0.5, 0.0), (0.841_344_75, 1.0), (0.977_249_87, 2.0), (0.001_349_898, -3.0), (0.975, 1.959_964)]
-        {
+        for (p, x) in [(0.5, 0.0), (0.841_344_8, 1.0), (0.977_249_87, 2.0), (0.001_349_898, -3.0), (0.975, 1.959_964)] {
             assert!((normal_share(x) - p).abs() < 1e-6, "{x}");
             assert!((normal_quantile(p) - x).abs() < 2e-5, "{p}: {}", normal_quantile(p));
         }
