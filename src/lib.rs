@@ -21,6 +21,7 @@
 //! | [`optics`] | Fresnel, absorption, sky, sun |
 //! | [`render`] | camera, sampler, film, tiles, integrators |
 //! | [`output`] | EXR, metadata, PNG/JPEG/BMP, whole files only |
+//! | [`denoise`] | a finished picture without its noise |
 //! | [`mod@cli`], [`mod@bench`] | sit on top; nothing imports them |
 //!
 //! Frame: metres, right-handed, y up, x east, z south. Files are double precision; everything below [`lower`] is single
@@ -35,6 +36,7 @@ pub mod simd;
 pub mod accel;
 pub mod bench;
 pub mod cli;
+pub mod denoise;
 pub mod lower;
 pub mod math;
 pub mod optics;

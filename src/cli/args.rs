@@ -141,6 +141,9 @@ pub struct RenderArgs {
     /// Layers of the EXR: beauty,z,n,... [default: all]
     #[arg(long, value_name = "A,B,C", value_delimiter = ',')]
     pub layers: Option<Vec<String>>,
+    /// Take the noise out of the beauty (Open Image Denoise); what it was stays as the layer `noisy`
+    #[arg(long)]
+    pub denoise: bool,
     /// Compression of the EXR (output.compression)
     #[arg(long, value_name = "NAME", value_parser = names("output.compression"))]
     pub compression: Option<String>,

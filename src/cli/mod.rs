@@ -5,6 +5,7 @@ pub mod bench;
 pub mod errors;
 pub mod load;
 mod look;
+mod moments;
 pub mod progress;
 pub mod render;
 pub mod schema;

@@ -422,9 +422,12 @@ pub struct Camera {
     /// Distance in focus (m); by default the distance to `look_at`.
     #[schemars(range(min = 0.000001, max = 1000000000000.0))]
     pub focus: Option<f64>,
-    /// Exposure time in fractions of a frame (recorded in the picture).
+    /// Exposure time in fractions of a frame (recorded in the picture); the shutter opens at the frame's own time.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub shutter: f64,
+    /// Moments of the exposure at which water, spray and camera are taken; 1 is no motion blur.
+    #[schemars(range(min = 1, max = 64))]
+    pub motion_steps: u32,
     /// A path: keys by frame, smooth in position and direction.
     pub key: Vec<CameraKey>,
 }
@@ -438,6 +441,7 @@ impl Default for Camera {
             f_number: 0.0,
             focus: None,
             shutter: 0.5,
+            motion_steps: 1,
             key: Vec::new(),
         }
     }

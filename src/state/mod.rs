@@ -12,6 +12,7 @@ pub mod maps;
 pub mod summary;
 
 mod arrays;
+mod between;
 mod check;
 mod error;
 mod frame_npz;
@@ -24,6 +25,7 @@ mod sequence;
 mod whole_file;
 
 pub use arrays::{ArchiveWriter, Packing, write_arrays};
+pub use between::{between, carried_on};
 pub use check::MAX_ROWS;
 pub use error::{MAX_LISTED, Place, Problem, StateError};
 pub use frame_npz::write_frame_npz;
