@@ -49,7 +49,7 @@ fi
 
 if [[ $(uname -sm) != "Linux x86_64" ]]; then
     echo "Open Image Denoise: no library for $(uname -sm) is pinned here. Install the system's 2.0 or newer" >&2
-    echo "  (Fedora: oidn-libs; Homebrew: open-image-denoise), or name one by WHITEWATER_OIDN." >&2
+    echo "  (Fedora: oidn; Homebrew: open-image-denoise), or name one by WHITEWATER_OIDN." >&2
     exit 1
 fi
 if [[ -z $python ]] || ! "$python" -m pip --version >/dev/null 2>&1; then

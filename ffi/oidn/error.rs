@@ -11,7 +11,7 @@ pub enum OidnError {
     /// No place held a library that loads.
     #[error(
         "no Open Image Denoise 2 library found; tried:{}\nget it with `make denoiser`, install your system's (Fedora: \
-         oidn-libs, Homebrew: open-image-denoise), or name one by WHITEWATER_OIDN",
+         oidn, Homebrew: open-image-denoise), or name one by WHITEWATER_OIDN",
         list(tried)
     )]
     NotFound {
