@@ -18,7 +18,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("accel", &["simd", "ffi", "scene", "surface", "lower"]),
     ("optics", &["scene"]),
     ("output", &["ffi", "scene"]),
-    ("render", &["scene", "state", "surface", "particles", "terrain", "lower", "accel", "optics", "output"]),
+    ("render", &["simd", "scene", "state", "surface", "particles", "terrain", "lower", "accel", "optics", "output"]),
     (
         "bench",
         &[
