@@ -19,7 +19,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("optics", &["scene"]),
     ("output", &["ffi", "scene"]),
     ("denoise", &["ffi", "output"]),
-    ("render", &["scene", "state", "surface", "particles", "terrain", "lower", "accel", "optics", "output"]),
+    ("render", &["simd", "scene", "state", "surface", "particles", "terrain", "lower", "accel", "optics", "output"]),
     (
         "bench",
         &[

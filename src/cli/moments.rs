@@ -18,6 +18,7 @@ use crate::state::{self, Frame, FrameSequence};
 /// Everything that can be hit at one moment, with its looks.
 pub(super) struct MomentOfFrame {
     /// Frames after the frame's own number.
+    #[cfg_attr(not(test), expect(dead_code, reason = "a picture is rendered at its first moment, wherever that is"))]
     pub(super) time: f64,
     /// Parts around the scene origin, which all moments of a frame share.
     pub(super) lowered: LoweredFrame,

@@ -13,7 +13,7 @@ fn random(index: usize, salt: u32) -> f32 {
 
 /// Checks and slopes without noise: light, albedo, normal of a pixel.
 fn truth(x: u32, y: u32) -> [[f32; 3]; 3] {
-    let check = (x / 16 + y / 12) % 2 == 0;
+    let check = (x / 16 + y / 12).is_multiple_of(2);
     let albedo = if check { [0.7, 0.5, 0.3] } else { [0.15, 0.25, 0.4] };
     let light = 0.3 + 1.5 * x as f32 / SIZE.0 as f32;
     let slope = (x as f32 * 0.05).sin() * 0.5;
