@@ -4,6 +4,7 @@
 
 mod batches;
 mod camera;
+pub mod caustics;
 mod contact;
 mod error;
 mod film;
