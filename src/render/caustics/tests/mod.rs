@@ -1,6 +1,7 @@
 //! Closed forms and a referee for the caustics: flat and parabolic water, dense searches over waves, extremes.
 
 mod flat;
+mod parabola;
 mod referee;
 
 use super::{Connection, Event, Manifold, ManifoldCounts, Target};
