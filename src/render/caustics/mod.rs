@@ -1,13 +1,17 @@
 //! Sun and lamps through and off the water's spline surface: where on it light turns towards a given point, and how
 //! much of it comes together there.
 //!
-//! [`Manifold`] finds every such place for one point, exactly and without noise. It does not ask what stands in the way:
-//! whoever calls traces that. What the light then does at the point is the integrator's matter.
+//! [`Manifold`] finds every such place for one point, exactly and without noise; [`BeamMap`] spreads the sun's light over
+//! the whole bed at once, for previews. Neither asks what stands in the way above: whoever calls traces that. What the
+//! light then does at the point is the integrator's matter.
 
+mod beams;
 mod bounds;
 mod manifold;
+mod raster;
 mod search;
 
+pub use beams::{BeamError, BeamMap, BeamSun};
 pub use manifold::Manifold;
 
 use glam::Vec3;

@@ -1,5 +1,6 @@
 //! Closed forms and a referee for the caustics: flat and parabolic water, dense searches over waves, extremes.
 
+mod beams;
 mod flat;
 mod parabola;
 mod referee;
