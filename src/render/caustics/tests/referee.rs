@@ -377,3 +377,14 @@ impl Manifold {
         connect(self, from, Event::Refraction, target, [0.0; 2]).0[0].surface
     }
 }
+
+#[test]
+#[ignore = "minutes: 200 x 200 cells to a patch"]
+fn no_solution_that_a_very_dense_search_finds_is_lost() {
+    for order in 2..=4 {
+        let [roots, lost, more] = compare(order, 200, 12, 40);
+        eprintln!("order {order}, 480 questions: {roots} dense solutions, {lost} lost, {more} more");
+        assert_eq!(lost, 0, "order {order}: of {roots}");
+        assert!(more * 200 <= roots, "order {order}: {more} more than {roots}");
+    }
+}
