@@ -76,6 +76,7 @@ pub struct BeamMap {
     /// Mean height at which it landed (m); NaN where none did.
     height: Vec<f32>,
     landed: DVec3,
+    solve: SolveCounts,
 }
 
 impl BeamMap {
@@ -106,7 +107,7 @@ impl BeamMap {
         let size = beams.map(|count| count as usize);
         let width = lattice.width.map(|width| width / f64::from(resolution));
         let corner = lattice.from_cell(lattice.domain[0]);
-        let lines: Vec<Vec<Option<Corner>>> = (0..=size[1])
+        let lines: Vec<(Vec<Option<Corner>>, SolveCounts)> = (0..=size[1])
             .into_par_iter()
             .map(|row| {
                 let places: Vec<[f64; 2]> = (0..=size[0])
@@ -124,7 +125,7 @@ impl BeamMap {
             .windows(2)
             .map(|pair| {
                 let triangles = (0..size[0]).flat_map(|k| {
-                    let (a, b) = (&pair[0][k..k + 2], &pair[1][k..k + 2]);
+                    let (a, b) = (&pair[0].0[k..k + 2], &pair[1].0[k..k + 2]);
                     [[a[0], a[1], b[0]], [a[1], b[1], b[0]]]
                 });
                 triangles
@@ -137,17 +138,26 @@ impl BeamMap {
                     .collect()
             })
             .collect();
+        let mut solve = SolveCounts::default();
+        for (_, counts) in &lines {
+            solve += *counts;
+        }
         let map = raster::spread(&rows, size);
         let per_area = 1.0 / (width[0] * width[1]);
         let landed = map.iter().map(|texel| DVec3::from(texel.flux)).sum();
         let light = map.iter().map(|texel| (DVec3::from(texel.flux) * per_area).as_vec3()).collect();
         let height = map.iter().map(|texel| (texel.moment / texel.flux.iter().sum::<f64>()) as f32).collect();
-        Ok(Self { size, corner, width, light, height, landed })
+        Ok(Self { size, corner, width, light, height, landed, solve })
     }
 
     /// The whole flux on the map, by channel: irradiance times square metres.
     pub fn landed(&self) -> DVec3 {
         self.landed
+    }
+
+    /// The surface solver's work on the beams, and the rays that it gave up on.
+    pub fn solve(&self) -> SolveCounts {
+        self.solve
     }
 
     /// Irradiance of the refracted sun at a point under water with the unit normal `normal`.
@@ -197,7 +207,7 @@ fn line(
     sun: &BeamSun,
     places: &[[f64; 2]],
     width: [f64; 2],
-) -> Vec<Option<Corner>> {
+) -> (Vec<Option<Corner>>, SolveCounts) {
     let tolerance = TOLERANCE * width[0].min(width[1]) as f32;
     let mut owners = Vec::with_capacity(places.len());
     let (mut up, mut down) = (Vec::new(), Vec::new());
@@ -217,8 +227,9 @@ fn line(
         up.push((position + room * normal, sun.direction));
         down.push((position - room * normal, refracted));
     }
-    let above = follow(accelerator, lowered, &mut up, tolerance);
-    let below = follow(accelerator, lowered, &mut down, tolerance);
+    let mut counts = SolveCounts::default();
+    let above = follow(accelerator, lowered, &mut up, tolerance, &mut counts);
+    let below = follow(accelerator, lowered, &mut down, tolerance, &mut counts);
     let mut corners = vec![None; places.len()];
     for (k, (index, position, flux)) in owners.into_iter().enumerate() {
         let Some((landing, false)) = below[k] else { continue };
@@ -227,7 +238,7 @@ fn line(
         let left = (-sun.attenuation * path).exp().as_dvec3();
         corners[index] = Some(Corner { landing, flux: lit * flux * left });
     }
-    corners
+    (corners, counts)
 }
 
 /// Where each ray first meets anything but spray, and whether that is water; `None` for nothing.
@@ -236,10 +247,11 @@ fn follow(
     lowered: &Lowered,
     rays: &mut [(Vec3, Vec3)],
     tolerance: f32,
+    counts: &mut SolveCounts,
 ) -> Vec<Option<(Vec3, bool)>> {
     let mut ends = vec![None; rays.len()];
     let mut open: Vec<usize> = (0..rays.len()).collect();
-    let (mut batch, mut hits, mut counts) = (RayBatch::default(), HitBatch::default(), SolveCounts::default());
+    let (mut batch, mut hits) = (RayBatch::default(), HitBatch::default());
     for _ in 0..PASSES {
         if open.is_empty() {
             break;
@@ -248,7 +260,7 @@ fn follow(
         for &ray in &open {
             batch.push(rays[ray].0, rays[ray].1, 0.0, f32::INFINITY, tolerance);
         }
-        accelerator.closest(&batch, &mut hits, &mut counts);
+        accelerator.closest(&batch, &mut hits, counts);
         let mut next = Vec::new();
         for (k, &ray) in open.iter().enumerate() {
             if hits.part[k] == NO_PART {

@@ -129,6 +129,7 @@ fn all_light_that_lands_is_on_the_map_at_any_count_of_threads() {
     }
     let landed = one.landed();
     assert!(landed.x > 0.8 * 4.0 * 0.95 * 0.97 && landed.x < 4.0 * 0.98, "{landed}");
+    assert_eq!(one.solve().gave_up, 0);
     assert!((landed.y - 2.0 * landed.x).abs() < 1e-6);
 }
 
