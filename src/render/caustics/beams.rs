@@ -21,11 +21,11 @@ const PASSES: usize = 64;
 /// How far (m) a receiver may lie off the height where beams landed, besides a texel's width: tiles and pebbles on a bed.
 const REACH: f32 = 0.05;
 
-/// Off the surface by rounding, as every ray that leaves a hit: three ulp for the place, as many in the accelerator,
-/// doubled.
+/// Rounding of a place, as for every ray that leaves a hit: three ulp for the place, as many in the accelerator, doubled.
 const ULPS: f32 = 12.0 * f32::EPSILON;
 
-/// Tolerance of a beam's landing, in widths of a beam: a hundredth of it cannot be seen.
+/// Tolerance of a beam's landing, in widths of a beam: a hundredth of it cannot be seen. Rays leave the surface from as far
+/// off it, so that no solver may take the place that they leave for a hit.
 const TOLERANCE: f32 = 0.01;
 
 /// Why there is no map.
@@ -220,7 +220,7 @@ fn line(
         let incident = if cosine > 0.0 { -sun.direction } else { -(sun.direction - cosine * normal).normalize() };
         let Some(refracted) = fresnel::refract(incident, normal, 1.0, sun.ior) else { continue };
         let position = DVec3::new(x, height, z).as_vec3();
-        let room = ULPS * position.abs().max_element();
+        let room = tolerance + ULPS * position.abs().max_element();
         let through = 1.0 - (sun.reflectance)(cosine.max(0.0));
         let flux = (sun.irradiance * through).as_dvec3() * steep.dot(sun.direction.as_dvec3()).max(0.0);
         owners.push((index, position, flux));

@@ -187,16 +187,24 @@ fn profile_under_a_sun_of_half_a_degree_is_the_closed_forms() {
 fn energy_under_the_crest_is_what_its_water_lets_in() {
     let manifold = crest();
     let disc = disc(24);
-    let depth = 3.2;
-    let (half, steps) = (0.3, 500);
+    let (depth, half) = (3.2, 0.3);
     let (mut arrived, mut expected, mut doubts) = (0.0, 0.0, 0);
-    for k in 0..steps {
-        let to = half * (2.0 * (f64::from(k) + 0.5) / f64::from(steps) - 1.0);
-        for &(w, weight) in &disc {
-            arrived += weight * irradiance(&manifold, w, depth, to, &mut doubts) * 2.0 * half / f64::from(steps);
-        }
-    }
     for &(w, weight) in &disc {
+        // From fold to fold, in the angle whose cosine the place is: that takes the folds' square roots away, and the
+        // midpoint rule is then exact to many digits.
+        let mut ends: Vec<f64> = folds(w, depth).into_iter().map(|x| landing(w, depth, x)).collect();
+        ends.extend([-half, half]);
+        ends.retain(|end| end.abs() <= half);
+        ends.sort_by(f64::total_cmp);
+        let steps = 32;
+        for pair in ends.windows(2) {
+            let (middle, reach) = (0.5 * (pair[0] + pair[1]), 0.5 * (pair[1] - pair[0]));
+            for k in 0..steps {
+                let angle = (f64::from(k) + 0.5) * std::f64::consts::PI / f64::from(steps);
+                let width = reach * angle.sin() * std::f64::consts::PI / f64::from(steps);
+                arrived += weight * width * irradiance(&manifold, w, depth, middle - reach * angle.cos(), &mut doubts);
+            }
+        }
         // Flux through the water whose light lands there, forward: no root is looked for.
         let parts = 20_000;
         for k in 0..parts {
@@ -208,5 +216,6 @@ fn energy_under_the_crest_is_what_its_water_lets_in() {
     }
     let off = arrived / expected - 1.0;
     eprintln!("energy {arrived:.5} W/m for {expected:.5}: {off:.1e}, {doubts} given up");
-    assert!(off.abs() < 0.01, "{arrived} for {expected}");
+    // What is left: the forward sum's ends, a step of 1.5e-4 m in 2 m, and single precision beside the folds.
+    assert!(off.abs() < 1e-3, "{arrived} for {expected}");
 }
