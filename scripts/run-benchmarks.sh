@@ -10,14 +10,14 @@ if [[ ${1:-} == --quick ]]; then
     shift
 fi
 names=("$@")
-((${#names[@]})) || names=(surface particles trade report extremes threads leaks)
+((${#names[@]})) || names=(surface particles trade report extremes threads leaks light)
 program=${WHITEWATER:-target/release/whitewater}
 document=docs/benchmarks.md
 mkdir -p out/bench docs/plots
 
 for name in "${names[@]}"; do
     plot=()
-    case $name in surface | particles | trade | extremes) plot=(--plot docs/plots) ;; esac
+    case $name in surface | particles | trade | extremes | light) plot=(--plot docs/plots) ;; esac
     echo "== $name"
     "$program" bench "$name" "${options[@]}" "${plot[@]}" --json "out/bench/$name.json" --csv "out/bench/$name.csv" \
         --markdown "out/bench/$name.md"

@@ -12,15 +12,17 @@
 //! | [`simd`] | 16- and 8-lane vectors, the choice of instruction set at start |
 //! | [`scene`] | the TOML file → plain data, its schema, its errors |
 //! | [`state`] | `model.state`, `time###.state`, NPZ |
+//! | [`foam`] | where water is white: potentials, carried with the flow, its look |
 //! | [`sim`] | the simulation that makes frames: columns, pipes, spray |
 //! | [`surface`] | the water and the bed as B-splines: lattice, bounds, solvers, the other representations |
 //! | [`particles`] | spray: radius, colour, opacity |
 //! | [`terrain`] | meshes, panels, boulders, the look of the ground |
 //! | [`lower`] | all of these → backend-neutral parts |
 //! | [`accel`] | the accelerators behind one seam |
-//! | [`optics`] | Fresnel, absorption, sky, sun |
+//! | [`optics`] | Fresnel, rough surfaces, absorption and scattering, sky, sun |
 //! | [`render`] | camera, sampler, film, tiles, integrators |
 //! | [`output`] | EXR, metadata, PNG/JPEG/BMP, whole files only |
+//! | [`denoise`] | a finished picture without its noise |
 //! | [`mod@cli`], [`mod@bench`] | sit on top; nothing imports them |
 //!
 //! Frame: metres, right-handed, y up, x east, z south. Files are double precision; everything below [`lower`] is single
@@ -35,6 +37,8 @@ pub mod simd;
 pub mod accel;
 pub mod bench;
 pub mod cli;
+pub mod denoise;
+pub mod foam;
 pub mod lower;
 pub mod math;
 pub mod optics;

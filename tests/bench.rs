@@ -216,6 +216,42 @@ fn threads_and_leaks_say_what_ran() {
 }
 
 #[test]
+fn light_has_every_table_and_the_manifold_beats_chance() {
+    let directory = tempfile::tempdir().expect("a folder");
+    let rows = rows(&["light", "--columns", "40x20", "--rays", "300"], &[directory.path()]);
+    let of = |bench: &str| rows.iter().filter(|row| text(row, "bench") == bench).collect::<Vec<_>>();
+    for surface in ["caustics, smooth", "caustics, roughness 0.03"] {
+        let caustics: Vec<&Value> =
+            of("light-caustics").into_iter().filter(|row| text(row, "rays") == surface).collect();
+        let best = |dial: &str| {
+            let of_method = caustics.iter().filter(|row| text(row, "dial") == dial);
+            of_method.map(|row| number(row, "error_rms")).fold(f64::INFINITY, f64::min)
+        };
+        assert!(best("manifold") < 0.5 * best("off") && best("beams") < best("off"), "{surface}: {caustics:?}");
+        for row in caustics.iter().filter(|row| text(row, "dial") == "manifold") {
+            let (ratio, error) = (number(row, "mean_ratio"), number(row, "mean_ratio_error"));
+            assert!((ratio - 1.0).abs() < 4.0 * error + 0.03, "{row}");
+        }
+    }
+    for row in of("light-frames") {
+        match text(row, "dial") {
+            "off" => assert_eq!(number(row, "queries"), 0.0, "{row}"),
+            "manifold" => assert!(number(row, "queries") > 0.0 && number(row, "solutions") > 0.0, "{row}"),
+            _ => {}
+        }
+        assert!(number(row, "seconds") > 0.0 && number(row, "ratio") > 0.0);
+    }
+    let path: Vec<&Value> = of("light-integrators").into_iter().filter(|row| text(row, "dial") == "path").collect();
+    assert!(number(path[1], "error_rms") > number(path[path.len() - 1], "error_rms"));
+    assert!(number(path[path.len() - 1], "falls_as") > 0.2);
+    assert_eq!(of("light-samplers").len(), 8, "two pictures, two counts, pixels and blocks");
+    assert!(of("light-samplers").iter().all(|row| number(row, "ratio") > 0.0));
+    assert_eq!(of("light-profile").len(), 6, "two frames, three integrators");
+    assert!(of("light-profile").iter().all(|row| number(row, "value") > 300.0 && number(row, "ratio") > 0.0));
+    assert!(directory.path().join("light.svg").metadata().expect("light.svg").len() > 5000);
+}
+
+#[test]
 fn options_without_use_are_refused() {
     for (arguments, message) in [
         (

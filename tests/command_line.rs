@@ -65,6 +65,7 @@ fn help_names_every_command_and_shows_examples() {
         "--solver",
         "--accuracy",
         "--layers",
+        "--denoise",
         "--compression",
         "--quiet",
         "--verbose",

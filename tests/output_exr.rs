@@ -50,6 +50,7 @@ fn picture() -> Picture {
         tolerance: "0.02 px".into(),
         seconds: 3.5,
         complete: true,
+        denoiser: "Open Image Denoise 2.5.1".into(),
     };
     Picture { display: (32, 48), data, channels, metadata }
 }

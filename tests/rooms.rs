@@ -10,15 +10,20 @@ const EDGES: &[(&str, &[&str])] = &[
     ("ffi", &[]),
     ("scene", &[]),
     ("state", &["scene"]),
+    ("foam", &["scene", "state"]),
     ("surface", &["simd", "scene", "state"]),
     ("particles", &["scene", "state"]),
     ("terrain", &["scene", "state", "surface"]),
-    ("sim", &["simd", "scene", "state", "terrain"]),
+    ("sim", &["simd", "scene", "state", "foam", "terrain"]),
     ("lower", &["simd", "scene", "state", "surface", "particles", "terrain"]),
     ("accel", &["simd", "ffi", "scene", "surface", "lower"]),
     ("optics", &["scene"]),
     ("output", &["ffi", "scene"]),
-    ("render", &["simd", "scene", "state", "surface", "particles", "terrain", "lower", "accel", "optics", "output"]),
+    ("denoise", &["ffi", "output"]),
+    (
+        "render",
+        &["simd", "scene", "state", "foam", "surface", "particles", "terrain", "lower", "accel", "optics", "output"],
+    ),
     (
         "bench",
         &[
@@ -42,6 +47,7 @@ const EDGES: &[(&str, &[&str])] = &[
             "simd",
             "scene",
             "state",
+            "foam",
             "sim",
             "surface",
             "particles",
@@ -50,6 +56,7 @@ const EDGES: &[(&str, &[&str])] = &[
             "accel",
             "optics",
             "output",
+            "denoise",
             "render",
             "bench",
         ],
@@ -174,7 +181,7 @@ fn every_edge_points_down() {
                 "{room} -> {name} does not point to a room above it here"
             );
         }
-        assert!(!allowed.contains(&"ffi") || ["accel", "output"].contains(room), "{room} names ffi");
+        assert!(!allowed.contains(&"ffi") || ["accel", "output", "denoise"].contains(room), "{room} names ffi");
     }
 }
 

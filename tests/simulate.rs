@@ -564,3 +564,64 @@ fn extremes_end_with_finite_frames_or_a_clear_error() {
         }
     }
 }
+
+/// The foam that a frame's file carries.
+fn foam(path: &Path) -> state::FoamArrays {
+    let columns = state::read_frame(path, 0.001).unwrap_or_else(|error| panic!("{error}")).columns;
+    state::read_foam(path, &columns).unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn foam_comes_into_the_frames_on_request_and_changes_nothing_else() {
+    let scene = Scene::new(&BASIN.replace("duration = 0.45", "duration = 0.45\nsettle = 0.3"));
+    let on = ["--set", "simulation.foam=true"];
+    scene.done(&["-o", "off"]);
+    scene.done(&[&["-o", "on"], &on[..]].concat());
+    for number in 0..10 {
+        let name = format!("time{number:03}.state");
+        let (mut with, without) = (scene.frame(&format!("on/{name}")), scene.frame(&format!("off/{name}")));
+        assert_eq!(with.extra.len(), without.extra.len() + 6);
+        with.extra.retain(|array| !array.name.starts_with("foam"));
+        assert_eq!(with, without, "{name}");
+        assert_eq!(foam(&scene.at(&format!("off/{name}"))), state::FoamArrays::None);
+    }
+    let state::FoamArrays::Whole(last) = foam(&scene.at("on/time009.state")) else { panic!("no foam") };
+    assert!(last.density.iter().any(|&density| density > 0.1), "a dam that breaks over a ledge is white");
+    assert!(last.density.iter().all(|density| (0.0..=1.0).contains(density)));
+    assert!(last.offset[0].iter().any(|offset| offset[0] < -0.1), "its pattern has moved with the water");
+    // In parts, the same bits; another lifetime is another simulation; text has no place for it.
+    for frames in ["1", "4", "10"] {
+        scene.done(&[&["-o", "parts", "--threads", "1", "--frames", frames], &on[..]].concat());
+    }
+    assert_same_files(&scene.at("on"), &scene.at("parts"));
+    let complaint = scene.refused(&[&["-o", "on", "--set", "foam.lifetime=1"], &on[..]].concat());
+    assert!(complaint.contains("another simulation"), "{complaint}");
+    let complaint = scene.refused(&[&["-o", "text", "--text"], &on[..]].concat());
+    assert!(complaint.contains("no place for foam"), "{complaint}");
+}
+
+#[test]
+fn a_frame_rendered_alone_has_the_foam_that_it_has_in_a_run() {
+    let scene = Scene::new(BASIN);
+    scene.done(&["--frames", "8"]);
+    let render = |arguments: &[&str]| {
+        let common =
+            ["--reproducible", "-q", "--set", "render.width=64", "--set", "render.height=36", "--set", "foam.window=4"];
+        let output = scene.command("render", &[&common, arguments].concat()).output().expect("the program starts");
+        assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", said(&output));
+    };
+    render(&["--frames", "1,2,5,7", "-o", "run.####.exr"]);
+    for number in ["1", "5", "7"] {
+        render(&["--frames", number, "-o", "alone.####.exr"]);
+        let [run, alone] = ["run", "alone"].map(|name| fs::read(scene.at(&format!("{name}.000{number}.exr"))).unwrap());
+        assert!(run == alone, "frame {number}");
+    }
+    let picture = whitewater::output::read_exr(&scene.at("alone.0007.exr")).unwrap();
+    let mask = &picture.channels.iter().find(|channel| channel.name == "mask.foam").unwrap().samples;
+    assert!(mask.iter().any(|&share| share > 0.5) && mask.contains(&0.0));
+    // A window that reaches over a frame which is damaged says so.
+    fs::write(scene.at("frames/time006.state"), b"whitewater-frame 1\n").unwrap();
+    let output = scene.command("render", &["--frames", "7", "-o", "x.exr", "--set", "foam.window=4"]).output().unwrap();
+    let complaint = refused(&output);
+    assert!(complaint.contains("foam.window = 4") && complaint.contains("time006.state"), "{complaint}");
+}

@@ -10,7 +10,7 @@ use whitewater::output::{Picture, SampleType, read_exr};
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/tiny/scene.toml");
 
 /// Light layers that a Whitted picture has.
-const LIGHT: [&str; 6] = ["reflection", "refraction", "caustics", "spray", "terrain", "sky"];
+const LIGHT: [&str; 7] = ["reflection", "refraction", "caustics", "spray", "foam", "terrain", "sky"];
 
 fn render(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_whitewater"));
@@ -80,6 +80,7 @@ fn expected_channels() -> Vec<(String, SampleType)> {
         layer(light, "RGB", Half);
     }
     layer("velocity", "xyz", Half);
+    channels.push(("mask.foam".to_owned(), Half));
     channels.extend(["water.depth", "water.path", "sampleCount"].map(|name| (name.to_owned(), Float)));
     channels.sort_by(|a, b| a.0.cmp(&b.0));
     channels
@@ -105,14 +106,19 @@ fn both_frames_have_every_layer_and_the_layers_add_up() {
             for c in 0..3 {
                 let sum: f64 = layers.iter().map(|layer| layer[c]).sum();
                 let size: f64 = layers.iter().map(|layer| layer[c].abs()).sum::<f64>() + beauty[c].abs();
-                // Each of the seven numbers is rounded to 11 bits, or to a multiple of 2^-24 below 2^-14.
-                let bound = size * 2f64.powi(-11) + 7.0 * 2f64.powi(-25);
+                // Each of the eight numbers is rounded to 11 bits, or to a multiple of 2^-24 below 2^-14.
+                let bound = size * 2f64.powi(-11) + 8.0 * 2f64.powi(-25);
                 assert!((sum - beauty[c]).abs() <= bound, "pixel {pixel}: {beauty:?} against {layers:?}");
             }
         }
         // Each part of the scene is in the picture, so that the sums above are not sums of nothing.
         for light in LIGHT {
-            assert!((0..64 * 36).any(|pixel| colour(picture, light, pixel)[1] > 0.01), "{light} of frame {number}");
+            let seen = (0..64 * 36).any(|pixel| colour(picture, light, pixel)[1] > 0.01);
+            assert_eq!(
+                seen,
+                light != "foam",
+                "{light} of frame {number}: all but foam, which these frames do not carry"
+            );
         }
         assert!(samples(picture, "water.path").iter().any(|path| *path > 0.1));
         assert!(samples(picture, "forward.u").iter().any(|u| u.abs() > 0.1), "the camera moves");
@@ -259,5 +265,77 @@ fn a_stopped_render_keeps_what_is_done_under_a_name_that_says_so() {
         assert!(!partial.metadata.complete);
         assert_eq!(partial.display, (1024, 576));
         assert!(partial.channels.iter().all(|channel| channel.samples.iter().all(|sample| sample.is_finite())));
+    }
+}
+
+#[test]
+fn denoising_changes_the_beauty_alone_and_keeps_what_it_was() {
+    let plain = frame_0(&["--set", "camera.f_number=1.4"]);
+    let folder = folder();
+    let arguments = ["--frame", "0", "-q", "--denoise", "--set", "camera.f_number=1.4"];
+    done(render(folder.path(), &[&arguments[..], &["-o", "a.exr", "--stats", "stats.json"]].concat()));
+    let clean = picture(&folder.path().join("a.exr"));
+    for c in ["R", "G", "B"] {
+        assert_eq!(samples(&clean, &format!("noisy.{c}")), samples(&plain, c));
+    }
+    assert!(distance(&clean, &plain) > 1e-3, "nothing was filtered");
+    for channel in plain.channels.iter().filter(|channel| !["R", "G", "B"].contains(&channel.name.as_str())) {
+        assert_eq!(samples(&clean, &channel.name), channel.samples, "{}", channel.name);
+    }
+    assert_eq!(clean.channels.len(), plain.channels.len() + 3);
+    assert!(clean.metadata.denoiser.starts_with("Open Image Denoise 2."), "{}", clean.metadata.denoiser);
+    let stats = std::fs::read(folder.path().join("stats.json")).expect("statistics");
+    let stats: serde_json::Value = serde_json::from_slice(&stats).expect("JSON");
+    assert_eq!(stats["frames"][0]["denoise"]["pixels"], 64 * 36);
+    assert_eq!(stats["frames"][0]["denoise"]["seconds"], stats["denoise_s"]);
+    // Its guides need not be among the layers that are written.
+    done(render(folder.path(), &[&arguments[..], &["-o", "b.exr", "--layers", "beauty"]].concat()));
+    let beauty = picture(&folder.path().join("b.exr"));
+    assert_eq!(beauty.channels.len(), 4);
+    for channel in &beauty.channels {
+        assert_eq!(channel.samples, samples(&clean, &channel.name));
+    }
+}
+
+#[test]
+fn a_denoiser_that_is_missing_is_told_before_anything_is_rendered() {
+    let folder = folder();
+    let nowhere = folder.path().join("libOpenImageDenoise.so.2");
+    let arguments = ["--frame", "0", "-q", "-o", "a.exr"];
+    let mut command = render(folder.path(), &[&arguments[..], &["--denoise"]].concat());
+    let output = command.env("WHITEWATER_OIDN", &nowhere).output().expect("the program starts");
+    let complaint = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{complaint}");
+    for part in ["error: --denoise", nowhere.to_str().expect("a path"), "no such file", "make denoiser"] {
+        assert!(complaint.contains(part), "{part:?} is missing in {complaint}");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
+    // Whoever does not ask for it does not need it.
+    let mut command = render(folder.path(), &arguments);
+    command.env("WHITEWATER_OIDN", &nowhere);
+    done(command);
+}
+
+#[test]
+fn motion_blur_between_different_columns_is_refused_with_both_files() {
+    use whitewater::state::{Encoding, read_frame, save_frame};
+    let folder = folder();
+    let mut frame = read_frame(Path::new(SCENE).with_file_name("time000.state"), 1e-3).expect("a frame");
+    save_frame(&frame, folder.path().join("time000.state"), Encoding::Text).expect("written");
+    frame.columns.width[0] *= 1.25;
+    save_frame(&frame, folder.path().join("time001.state"), Encoding::Text).expect("written");
+    let scene = std::fs::read_to_string(SCENE).expect("a scene");
+    std::fs::write(folder.path().join("scene.toml"), scene).expect("written");
+    let run = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_whitewater"));
+        command.args(["render", "scene.toml", "--frame", "0", "-q", "-o", "a.exr"]).args(arguments);
+        command.current_dir(folder.path()).stdin(Stdio::null()).output().expect("the program starts")
+    };
+    assert_eq!(run(&[]).status.code(), Some(0));
+    let output = run(&["--set", "camera.motion_steps=2"]);
+    let complaint = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{complaint}");
+    for part in ["time000.state", "time001.state", "width", "camera.motion_steps"] {
+        assert!(complaint.contains(part), "{part:?} is missing in {complaint}");
     }
 }

@@ -1,7 +1,8 @@
 //! What can go wrong between us and Embree: not found, not usable, a call that failed, geometry that cannot be given.
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
+
+use crate::ffi::search::list;
 
 /// An error of Embree or of finding it.
 #[derive(Debug, thiserror::Error)]
@@ -55,12 +56,4 @@ pub enum EmbreeError {
         /// What would have been right.
         expected: String,
     },
-}
-
-fn list(tried: &[(PathBuf, String)]) -> String {
-    let mut text = String::new();
-    for (place, reason) in tried {
-        let _ = write!(text, "\n  {}: {reason}", place.display());
-    }
-    text
 }

@@ -6,6 +6,7 @@
 pub mod extremes;
 pub mod kernels;
 pub mod leaks;
+pub mod light;
 pub mod measure;
 pub mod particles;
 pub mod pictures;

@@ -14,7 +14,7 @@ use crate::accel::{self, Accelerator};
 use crate::lower::{self, Environment, LoweredFrame, View};
 use crate::optics::Sky;
 use crate::output::Picture;
-use crate::render::{self, Camera, CameraPath, Job, Looks};
+use crate::render::{self, Camera, CameraPath, Job, Looks, Moment, RenderStats};
 use crate::scene::Scene;
 use crate::state::{Columns, Frame, Particles};
 use crate::terrain::{Ground, SkyView, Waterline};
@@ -111,10 +111,19 @@ impl Built {
     /// # Errors
     /// The sky or the picture cannot be made.
     pub fn render(&self, frame: &Frame, settings: &Settings) -> Result<(Picture, f64), BenchError> {
+        let (picture, stats) = self.render_counted(frame, settings)?;
+        Ok((picture, stats.seconds))
+    }
+
+    /// Renders the picture; also all that it took.
+    ///
+    /// # Errors
+    /// The sky or the picture cannot be made.
+    pub fn render_counted(&self, frame: &Frame, settings: &Settings) -> Result<(Picture, RenderStats), BenchError> {
         let origin: DVec3 = self.lowered.lowered.origin;
         let columns = &frame.columns;
         let sky = Sky::build(&self.scene.sky, &self.scene.sun, std::path::Path::new("."))?;
-        let ground = Ground::build(&self.scene.terrain, WIDTH, origin);
+        let ground = Ground::build(&self.scene.terrain, columns.width[0].min(columns.width[1]), origin);
         let waterline = Waterline::build(columns, self.scene.surface.dry_threshold, origin);
         let sky_view = SkyView::build(columns, origin);
         let looks = Looks {
@@ -124,20 +133,25 @@ impl Built {
             spray: &self.lowered.spray,
             water: self.lowered.water.as_deref(),
             bed: self.lowered.bed.as_deref(),
+            foam: None,
         };
-        let job = Job {
-            scene: &self.scene,
+        let moments = [Moment {
+            time: 0.0,
             lowered: &self.lowered.lowered,
             accelerator: &*self.accel,
             matter: &looks,
+            water: self.lowered.water.as_deref(),
+        }];
+        let job = Job {
+            scene: &self.scene,
+            moments: &moments,
             sky: &sky,
             path: &self.path,
             frame: 0,
             crop: None,
             threads: settings.threads,
         };
-        let (picture, stats) = render::render_frame(&job, &AtomicBool::new(false), &())?;
-        Ok((picture, stats.seconds))
+        Ok(render::render_frame(&job, &AtomicBool::new(false), &())?)
     }
 }
 

@@ -68,6 +68,18 @@ pub struct Row {
     pub their_ms: f64,
     /// Ours.
     pub our_ms: f64,
+    /// A picture's mean over that of its reference.
+    pub mean_ratio: f64,
+    /// Standard error of that ratio.
+    pub mean_ratio_error: f64,
+    /// How error falls: with the samples to the power of minus this.
+    pub falls_as: f64,
+    /// Points that caustics were searched for, in one frame.
+    pub queries: u64,
+    /// Patches and parts of patches that were looked at for them.
+    pub cells: u64,
+    /// Ways of light found for them.
+    pub solutions: u64,
     /// Count of particles.
     pub particles: usize,
     /// Simulation: a step, and its phases.

@@ -135,12 +135,24 @@ pub struct RenderArgs {
     /// Ray/patch solver (surface.solver)
     #[arg(long, value_name = "NAME", value_parser = names("surface.solver"))]
     pub solver: Option<String>,
+    /// How light is followed: whitted or path (render.integrator)
+    #[arg(long, value_name = "NAME", value_parser = names("render.integrator"))]
+    pub integrator: Option<String>,
+    /// Go on until a pixel's error is this share of its light (render.noise)
+    #[arg(long, value_name = "SHARE")]
+    pub noise: Option<String>,
+    /// Go on until so many seconds have passed for a frame (render.seconds)
+    #[arg(long, value_name = "S")]
+    pub seconds: Option<String>,
     /// How near a hit must be: 0.05px (surface.accuracy) or 1e-4m (surface.tolerance)
     #[arg(long, value_name = "NUMBER")]
     pub accuracy: Option<Accuracy>,
     /// Layers of the EXR: beauty,z,n,... [default: all]
     #[arg(long, value_name = "A,B,C", value_delimiter = ',')]
     pub layers: Option<Vec<String>>,
+    /// Take the noise out of the beauty (Open Image Denoise); what it was stays as the layer `noisy`
+    #[arg(long)]
+    pub denoise: bool,
     /// Compression of the EXR (output.compression)
     #[arg(long, value_name = "NAME", value_parser = names("output.compression"))]
     pub compression: Option<String>,
@@ -163,6 +175,9 @@ impl RenderArgs {
         option("--accel", "accel.water", pair.map(|preset| preset.1));
         option("--accel", "accel.objects", pair.map(|preset| preset.2));
         option("--solver", "surface.solver", self.solver.as_deref());
+        option("--integrator", "render.integrator", self.integrator.as_deref());
+        option("--noise", "render.noise", self.noise.as_deref());
+        option("--seconds", "render.seconds", self.seconds.as_deref());
         option("--compression", "output.compression", self.compression.as_deref());
         overrides.extend(self.accuracy.iter().flat_map(Accuracy::overrides));
         overrides
@@ -319,6 +334,8 @@ pub enum Benchmark {
     Leaks,
     /// Milliseconds a step of the simulation, by size
     Sim,
+    /// Error against time of light: caustics, integrators, samplers
+    Light,
 }
 
 /// `whitewater bench`.

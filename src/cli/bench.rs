@@ -46,6 +46,7 @@ pub fn run(arguments: &BenchArgs) -> Result<Outcome, CliError> {
         Benchmark::Threads => bench::threads::run(&settings, &mut out),
         Benchmark::Leaks => bench::leaks::run(&settings, &mut out),
         Benchmark::Sim => bench::sim::run(&settings, &mut out),
+        Benchmark::Light => bench::light::run(&settings, &mut out),
     };
     match result {
         Err(BenchError::Print(error)) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(Outcome::Done),
@@ -57,10 +58,10 @@ pub fn run(arguments: &BenchArgs) -> Result<Outcome, CliError> {
 
 /// Refuses options that the benchmark has no use for.
 fn refuse(arguments: &BenchArgs) -> Result<(), CliError> {
-    use Benchmark::{Extremes, Leaks, Particles, Report, Surface, Threads, Trade};
+    use Benchmark::{Extremes, Leaks, Light, Particles, Report, Surface, Threads, Trade};
     let options: [(&str, bool, &[Benchmark]); 4] = [
-        ("--plot", arguments.plot.is_some(), &[Surface, Particles, Trade, Extremes]),
-        ("--rays", arguments.rays.is_some(), &[Surface, Particles, Trade, Report, Extremes, Threads, Leaks]),
+        ("--plot", arguments.plot.is_some(), &[Surface, Particles, Trade, Extremes, Light]),
+        ("--rays", arguments.rays.is_some(), &[Surface, Particles, Trade, Report, Extremes, Threads, Leaks, Light]),
         ("--audit", arguments.audit.is_some(), &[Surface, Particles, Trade, Extremes]),
         ("--particles", !arguments.particles.is_empty(), &[Particles, Report]),
     ];
@@ -77,10 +78,12 @@ fn refuse(arguments: &BenchArgs) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Threads where none are named: rays are compared thread by thread; what simulates, leaks or scales has all processors.
+/// Threads where none are named: rays are compared thread by thread; what simulates, leaks, scales or is lit has all processors.
 fn threads(what: Benchmark) -> Option<NonZeroUsize> {
     match what {
-        Benchmark::Sim | Benchmark::Leaks | Benchmark::Threads => std::thread::available_parallelism().ok(),
+        Benchmark::Sim | Benchmark::Leaks | Benchmark::Threads | Benchmark::Light => {
+            std::thread::available_parallelism().ok()
+        }
         _ => None,
     }
 }
@@ -92,6 +95,8 @@ fn by_default(what: Benchmark, quick: bool) -> Vec<[usize; 2]> {
         Benchmark::Surface => vec![[80, 20], [400, 400], [2000, 2000]],
         // The report's small scene, and what stands for its large one.
         Benchmark::Report => vec![[80, 20], [400, 400]],
+        // The small scene; the pool of the caustics has its own size.
+        Benchmark::Light => vec![[80, 20]],
         // As many as 16x16 samples of each fit in memory.
         Benchmark::Trade if quick => vec![[64, 64]],
         Benchmark::Trade => vec![[160, 160]],

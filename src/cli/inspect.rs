@@ -375,7 +375,7 @@ mod tests {
         std::fs::write(&path, FRAME).unwrap();
         let frame = state::read_frame(&path, 0.001).unwrap();
         let map: Vec<f32> = (0..9_u8).map(|i| f32::from(i) - 4.0).collect();
-        let maps: [(&str, &[f32]); 3] = [("vorticity", &map), ("aeration", &[0.25; 9]), ("foam", &map)];
+        let maps: [(&str, &[f32]); 3] = [("vorticity", &map), ("aeration", &[0.25; 9]), ("murk", &map)];
         state::save_frame_with(&frame, &maps, &path, Encoding::Npz, state::Packing::Quick).unwrap();
         let mut out = Vec::new();
         inspect(std::slice::from_ref(&path), 0.001, false, &mut out, &mut Vec::new()).unwrap();
@@ -383,7 +383,7 @@ mod tests {
         for line in [
             "  vorticity       -4 to 4 1/s (curl of the flow about the vertical)",
             "  aeration        0.25 to 0.25 (share of air in the water's volume, 0 to 1)",
-            "  other array     foam: 3 x 3, <f4",
+            "  other array     murk: 3 x 3, <f4",
         ] {
             assert!(out.lines().any(|shown| shown == line), "{line}\n{out}");
         }

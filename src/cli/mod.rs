@@ -3,8 +3,10 @@
 pub mod args;
 pub mod bench;
 pub mod errors;
+mod foam;
 pub mod load;
 mod look;
+mod moments;
 pub mod progress;
 pub mod render;
 pub mod schema;

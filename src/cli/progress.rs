@@ -33,7 +33,7 @@ struct Frame {
 impl Progress {
     /// For `frames` frames, on standard error: a bar if it is a terminal, lines if not.
     pub fn new(quiet: bool, frames: usize) -> Self {
-        let look = Look::new(quiet, "{prefix} [{wide_bar}] {percent:>3} % {pos}/{len} tiles, {msg}");
+        let look = Look::new(quiet, "{prefix} [{wide_bar}] {percent:>3} % {msg}");
         Self { look, frames, frame: Mutex::new(None) }
     }
 
@@ -86,6 +86,17 @@ impl Progress {
 
 impl Observer for Progress {
     fn tiles(&self, done: u64, total: u64, rays: u64) {
+        self.advance(done, total, rays, "tiles");
+    }
+
+    fn time(&self, elapsed: f64, limit: f64, rays: u64) {
+        // A bar counts whole things: milliseconds.
+        self.advance((elapsed * 1000.0) as u64, (limit * 1000.0) as u64, rays, "ms");
+    }
+}
+
+impl Progress {
+    fn advance(&self, done: u64, total: u64, rays: u64, unit: &str) {
         if matches!(self.look, Look::Quiet) {
             return;
         }
@@ -103,7 +114,7 @@ impl Observer for Progress {
             Look::Bar(bar) => {
                 bar.set_length(frame.total);
                 bar.set_position(frame.done);
-                bar.set_message(format!("{} left, {rate}", duration(left)));
+                bar.set_message(format!("{}/{} {unit}, {} left, {rate}", frame.done, frame.total, duration(left)));
             }
             Look::Lines(_) => {
                 let tenth = frame.done * 10 / frame.total;
@@ -112,7 +123,7 @@ impl Observer for Progress {
                     frame.spoke = Instant::now();
                     let percent = frame.done * 100 / frame.total;
                     let (done, total, left) = (frame.done, frame.total, duration(left));
-                    let line = format!("{}: {percent} %, {done}/{total} tiles, {left} left, {rate}", frame.title);
+                    let line = format!("{}: {percent} %, {done}/{total} {unit}, {left} left, {rate}", frame.title);
                     self.look.say(&line);
                 }
             }

@@ -8,16 +8,19 @@ use glam::DVec3;
 
 use super::args::RenderArgs;
 use super::errors::{CliError, Outcome};
+use super::foam;
 use super::load;
 use super::look::local_now;
+use super::moments::{self, MomentOfFrame};
 use super::progress::Progress;
 use super::signals::StopFlag;
 use super::stats::{FrameStats, RunStats, part_names};
-use crate::accel;
-use crate::lower::{self, Environment, LoweredFrame, View};
+use crate::denoise::Denoiser;
+use crate::foam::{FoamField, FoamState};
+use crate::lower::{self, Environment, LoweredFrame};
 use crate::optics::Sky;
 use crate::output::{self, Picture, Window, WriteOptions, WriteReport, layers, naming};
-use crate::render::{self, Camera, CameraPath, Job, Looks};
+use crate::render::{self, CameraPath, Job, Looks};
 use crate::scene::{self, LoadedScene};
 use crate::simd::SimdLevel;
 use crate::state::{Columns, Frame, FrameSequence};
@@ -38,6 +41,7 @@ struct Run<'a> {
     crop: Option<Window>,
     simd: SimdLevel,
     threads: usize,
+    denoiser: Option<Denoiser>,
 }
 
 /// Runs the command.
@@ -158,6 +162,12 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
             output::check(&naming::with_frame(output, number), &options).map_err(anyhow::Error::from)?;
         }
     }
+    // Loaded before the first ray: a library that is missing must not cost hours.
+    let denoiser = arguments
+        .denoise
+        .then(|| Denoiser::new(threads))
+        .transpose()
+        .map_err(|error| anyhow::Error::new(error).context("--denoise"))?;
     let environment = load::environment(&loaded, &frames)?;
     let sky = Sky::build(&settings.sky, &settings.sun, &loaded.directory).map_err(anyhow::Error::from)?;
     let path = camera_path(&loaded, &frames)?;
@@ -173,6 +183,7 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
         crop,
         simd,
         threads,
+        denoiser,
         loaded,
     })
 }
@@ -201,25 +212,34 @@ fn camera_path(loaded: &LoadedScene, frames: &FrameSequence) -> Result<CameraPat
 fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result<FrameStats, CliError> {
     let settings = &run.loaded.scene;
     let clock = Instant::now();
-    let state = load::frame(&run.loaded, &run.frames, number)?;
+    let states = moments::states(&run.loaded, &run.frames, number)?;
     let load_s = clock.elapsed().as_secs_f64();
 
     let clock = Instant::now();
-    let size = (settings.render.width, settings.render.height);
-    let camera = Camera::new(run.path.pose(number as f64), size, settings.camera.f_number);
-    let view = View { eye: camera.pose.eye, pixel_angle: camera.pixel_angle() };
-    let lowered =
-        lower::lower(settings, &state, &run.environment, Some(view), run.simd).map_err(anyhow::Error::from)?;
-    let accelerator = accel::build(&lowered.lowered, &settings.accel, run.simd).map_err(anyhow::Error::from)?;
-    let matter = MatterOfFrame::new(settings, &state, &lowered);
+    // One frame's foam for all moments of its shutter: it moves by less than its own detail.
+    let foam = foam::of_frame(&run.loaded, &run.frames, number, &states[0].1)?;
+    let moments =
+        MomentOfFrame::build_all(&states, foam.as_ref(), number, settings, &run.environment, &run.path, run.simd)?;
+    drop(states);
+    let first = moments.first().context("a frame has a moment")?;
     let build_s = clock.elapsed().as_secs_f64();
 
     let clock = Instant::now();
+    let looks: Vec<_> = moments.iter().map(|moment| moment.matter.looks(&moment.lowered)).collect();
+    let shown: Vec<_> = moments
+        .iter()
+        .zip(&looks)
+        .map(|(moment, looks)| render::Moment {
+            time: moment.time,
+            lowered: &moment.lowered.lowered,
+            accelerator: &*moment.accelerator,
+            matter: looks,
+            water: moment.lowered.water.as_deref(),
+        })
+        .collect();
     let job = Job {
         scene: settings,
-        lowered: &lowered.lowered,
-        accelerator: &*accelerator,
-        matter: &matter.looks(&lowered),
+        moments: &shown,
         sky: &run.sky,
         path: &run.path,
         frame: number,
@@ -228,6 +248,9 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
     };
     let (mut picture, render) = render::render_frame(&job, stop.flag(), progress).map_err(anyhow::Error::from)?;
     let render_s = clock.elapsed().as_secs_f64();
+    // Before layers are picked, so that the guides are there whichever are wanted.
+    let denoise = run.denoiser.as_ref().map(|denoiser| denoiser.denoise(&mut picture));
+    let denoise = denoise.transpose().map_err(anyhow::Error::from)?;
 
     let clock = Instant::now();
     let files = write(run, number, &mut picture)?;
@@ -236,11 +259,12 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         load_s,
         build_s,
         render_s,
+        denoise,
         write_s: clock.elapsed().as_secs_f64(),
-        parts: part_names(&lowered.lowered),
-        accelerator: accelerator.stats(),
-        audit: accelerator.audit(),
-        particles_left_out: lowered.spray.without_size + lowered.spray.out_of_range,
+        parts: part_names(&first.lowered.lowered),
+        accelerator: first.accelerator.stats(),
+        audit: first.accelerator.audit(),
+        particles_left_out: first.lowered.spray.without_size + first.lowered.spray.out_of_range,
         render,
         files,
     })
@@ -272,14 +296,20 @@ fn write_one(picture: &Picture, path: &Path, options: &WriteOptions) -> Result<W
 }
 
 /// The looks of one frame, owned.
-struct MatterOfFrame {
+pub(super) struct MatterOfFrame {
     ground: Ground,
     waterline: Waterline,
     sky_view: SkyView,
+    foam: Option<FoamField>,
 }
 
 impl MatterOfFrame {
-    fn new(settings: &scene::Scene, state: &Frame, lowered: &LoweredFrame) -> Self {
+    pub(super) fn new(
+        settings: &scene::Scene,
+        state: &Frame,
+        lowered: &LoweredFrame,
+        foam: Option<&FoamState>,
+    ) -> Self {
         let columns = &state.columns;
         let origin: DVec3 = lowered.lowered.origin;
         let width = columns.width[0].min(columns.width[1]);
@@ -287,10 +317,11 @@ impl MatterOfFrame {
             ground: Ground::build(&settings.terrain, width, origin),
             waterline: Waterline::build(columns, settings.surface.dry_threshold, origin),
             sky_view: SkyView::build(columns, origin),
+            foam: foam.and_then(|foam| FoamField::build(foam, &settings.foam, columns.origin, origin)),
         }
     }
 
-    fn looks<'a>(&'a self, lowered: &'a LoweredFrame) -> Looks<'a> {
+    pub(super) fn looks<'a>(&'a self, lowered: &'a LoweredFrame) -> Looks<'a> {
         Looks {
             ground: &self.ground,
             waterline: &self.waterline,
@@ -298,6 +329,7 @@ impl MatterOfFrame {
             spray: &lowered.spray,
             water: lowered.water.as_deref(),
             bed: lowered.bed.as_deref(),
+            foam: self.foam.as_ref(),
         }
     }
 }

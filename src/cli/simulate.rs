@@ -149,8 +149,17 @@ impl Run {
         }
 
         let setup = sim::prepare(&settings, &loaded.directory)?;
-        let identity = Identity::new(&setup, &settings, 1.0 / rate);
+        let mut identity = Identity::new(&setup, &settings, 1.0 / rate);
         let mut simulator = Simulator::new(setup.clone(), &settings, 1.0 / rate)?;
+        if settings.foam {
+            ensure!(
+                !arguments.text,
+                "simulation.foam = true with --text: text frames have no place for foam; leave out --text, or say \
+                 --set simulation.foam=false"
+            );
+            let dry = scene.surface.dry_threshold;
+            (identity, simulator) = (identity.with_foam(&scene.foam, dry), simulator.with_foam(&scene.foam, dry));
+        }
         let schedule = Schedule::new(settings.settle, rate, frames);
         let folder = Folder::open(pattern, frames)?;
         let former = if arguments.restart { None } else { folder.former(identity)? };

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::errors::CliError;
 use crate::accel::AccelStats;
+use crate::denoise::DenoiseReport;
 use crate::lower::Lowered;
 use crate::output::WriteReport;
 use crate::render::{RayCounts, RenderStats};
@@ -23,6 +24,8 @@ pub struct FrameStats {
     pub build_s: f64,
     /// First ray to last pixel (s).
     pub render_s: f64,
+    /// Denoising, if it was asked for.
+    pub denoise: Option<DenoiseReport>,
     /// Files (s).
     pub write_s: f64,
     /// The renderer's own counts.
@@ -56,6 +59,8 @@ pub struct RunStats {
     pub build_s: f64,
     /// First ray to last pixel, all frames (s).
     pub render_s: f64,
+    /// Denoising, all frames (s).
+    pub denoise_s: f64,
     /// Files (s).
     pub write_s: f64,
     /// Rays by kind, all frames.
@@ -84,6 +89,7 @@ impl RunStats {
         self.load_s += frame.load_s;
         self.build_s += frame.build_s;
         self.render_s += frame.render_s;
+        self.denoise_s += frame.denoise.as_ref().map_or(0.0, |report| report.seconds);
         self.write_s += frame.write_s;
         self.rays += frame.render.rays;
         self.solve += frame.render.solve;

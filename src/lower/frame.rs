@@ -122,7 +122,7 @@ pub fn scene_origin(columns: &Columns) -> DVec3 {
     DVec3::new(snap(middle(0, columns.nx)), snap(level), snap(middle(1, columns.nz)))
 }
 
-/// Lowers a frame.
+/// Lowers a frame around its own [`scene_origin`].
 ///
 /// # Errors
 /// See [`LowerError`].
@@ -133,8 +133,22 @@ pub fn lower(
     view: Option<View>,
     simd: SimdLevel,
 ) -> Result<LoweredFrame, LowerError> {
+    lower_around(scene_origin(&frame.columns), scene, frame, environment, view, simd)
+}
+
+/// As [`lower`], around an origin in the files' frame (m): moments of one picture share the first one's.
+///
+/// # Errors
+/// See [`LowerError`].
+pub fn lower_around(
+    origin: DVec3,
+    scene: &Scene,
+    frame: &Frame,
+    environment: &Environment,
+    view: Option<View>,
+    simd: SimdLevel,
+) -> Result<LoweredFrame, LowerError> {
     let columns = &frame.columns;
-    let origin = scene_origin(columns);
     let settings = &scene.surface;
     let spline = |lattice| Arc::new(SplineSurface::new(lattice, settings.solver, simd));
     let water =

@@ -2,7 +2,9 @@
 
 mod frame;
 
-pub use frame::{Environment, LowerError, LoweredFrame, TERRAIN_SIDES, View, lower, points_to_frame, scene_origin};
+pub use frame::{
+    Environment, LowerError, LoweredFrame, TERRAIN_SIDES, View, lower, lower_around, points_to_frame, scene_origin,
+};
 
 use std::sync::Arc;
 

@@ -1,8 +1,8 @@
 //! Air: what sunlight becomes on its way through Rayleigh, aerosol and ozone, at any elevation of the sun.
 //!
 //! One scattering is integrated along the view ray through spherical layers; all further ones come from a small table
-//! (Hillaire, A Scalable and Production Ready Sky and Atmosphere Rendering Technique, 2020). Preetham's formulas (1999) are
-//! not used: they end at the horizon and turn negative or wrong for low suns, where this one has a twilight. The aerosol
+//! (Hillaire, A Scalable and Production Ready Sky and Atmosphere Rendering Technique, 2020). Preetham's formulas (1999,
+//! `sky::preetham`) end at the horizon and turn negative or wrong for low suns, where this one has a twilight. The aerosol
 //! follows Preetham's turbidity (its appendix A.1, Angstrom's law). Lengths are kilometres, the sun above the air has an
 //! irradiance of 1 in each channel.
 

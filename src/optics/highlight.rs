@@ -207,6 +207,17 @@ mod tests {
         assert!((alpha_with_disc(0.03, SUN_ANGULAR_RADIUS) / 0.03 - 1.0).abs() < 2e-3);
     }
 
+    #[test]
+    fn a_mirror_of_water_still_shows_the_suns_own_disc() {
+        // Roughness 0: the lobe is the disc's, and a unit of irradiance over its solid angle is about its peak.
+        let lobe = Lobe::new(&scene::Water { roughness: 0.0, ..Default::default() });
+        let sun = unit(0.6, 0.4);
+        let peak = lobe.radiance(Vec3::Y, Vec3::new(-sun.x, sun.y, -sun.z), sun);
+        let disc = 1.0 / (std::f32::consts::PI * SUN_ANGULAR_RADIUS * SUN_ANGULAR_RADIUS);
+        assert!(peak.is_finite() && peak > 0.5 * disc && peak < 5.0 * disc, "{peak} {disc}");
+        assert!((energy(lobe, 0.8) - 1.0).abs() < 5e-3, "{}", energy(lobe, 0.8));
+    }
+
     proptest! {
         #[test]
         fn ggx_is_reciprocal_and_finite(a in -1.0f32..1.0, b in -1.0f32..1.0, phi in 0.0f32..TURN, alpha in 1e-4f32..1.0) {

@@ -1,4 +1,5 @@
-//! Fresnel, absorption, highlights, sky and sun: what light does at a point, and what comes from far away.
+//! Fresnel, rough surfaces, absorption, scattering, highlights, sky and sun: what light does at a point or along a ray, and
+//! what comes from far away.
 //!
 //! Pure functions over plain data; nothing here traces a ray. Directions are unit vectors in the scene's frame
 //! (x east, y up, z south), radiance is scene-linear Rec.709 in the units of the default daylight, under which a
@@ -6,20 +7,32 @@
 
 pub mod absorb;
 mod atmosphere;
+#[cfg(test)]
+mod closed_forms;
 mod environment;
 pub mod fresnel;
 pub mod highlight;
 mod irradiance;
+pub mod medium;
+pub mod phase;
+pub mod rough;
 mod sky;
 mod sun;
+#[cfg(test)]
+mod testing;
+pub mod tracking;
 
 use std::path::PathBuf;
 
 pub use irradiance::Irradiance;
-pub use sky::Sky;
+pub use medium::{Medium, Step};
+pub use phase::Phase;
+pub use rough::{Bounce, Evaluation, Interface};
+pub use sky::{Sky, SkySampler};
 pub use sun::{SUN_ANGULAR_RADIUS, Sun, direction};
+pub use tracking::{Collision, delta_track, ratio_track};
 
-/// What can be wrong with a sky.
+/// What can be wrong with a sky, or with a medium that is asked for.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OpticsError {
@@ -62,6 +75,27 @@ pub enum OpticsError {
         height: usize,
         /// Most pixels that are read.
         limit: usize,
+    },
+    /// A medium is denser than the bound that it is walked with, or its density is no density.
+    #[error("extinction {extinction:?} 1/m at {distance} m; expected 0 to {majorant} 1/m, the majorant of the walk")]
+    OverMajorant {
+        /// What the medium said (1/m).
+        extinction: [f32; 3],
+        /// Where (m).
+        distance: f32,
+        /// The bound (1/m).
+        majorant: f32,
+    },
+    /// A walk through a medium would not come to an end.
+    #[error(
+        "a walk of {limit} m by a majorant of {majorant} 1/m does not end; expected finite numbers, and steps that single \
+         precision can tell apart"
+    )]
+    EndlessWalk {
+        /// The bound (1/m).
+        majorant: f32,
+        /// How far (m).
+        limit: f32,
     },
 }
 

@@ -1,7 +1,7 @@
 //! What comes from a direction in which nothing stands: the sky, its haze and the far ground, without the sun's disc.
 //!
-//! Four kinds behind one type. The analytic one is scaled per channel so that under the default sun and sky a horizontal
-//! white card has a radiance of exactly 1; other settings change it as the air itself would.
+//! Five kinds behind one type. The two that are formulas are scaled per channel so that under the default sun and sky a
+//! horizontal white card has a radiance of exactly 1; other settings change them as the air itself would.
 
 use std::{path::Path, sync::OnceLock};
 
@@ -11,6 +11,12 @@ use rayon::prelude::*;
 use crate::scene;
 
 use super::{Irradiance, OpticsError, Sun, atmosphere::Atmosphere, environment::LatLong};
+
+mod preetham;
+mod sampling;
+
+use preetham::Preetham;
+pub use sampling::SkySampler;
 
 /// A sky of any kind, ready to be asked from any thread.
 #[derive(Clone, Debug)]
@@ -47,7 +53,11 @@ impl Sky {
                 (Kind::Constant(radiance), Irradiance::constant(radiance))
             }
             scene::SkyKind::Analytic => {
-                let (dome, irradiance) = Dome::build(sky, sun);
+                let (dome, irradiance) = Dome::build(Air::Layers, sky, sun);
+                (Kind::Analytic(dome), irradiance)
+            }
+            scene::SkyKind::Preetham => {
+                let (dome, irradiance) = Dome::build(Air::Preetham, sky, sun);
                 (Kind::Analytic(dome), irradiance)
             }
             scene::SkyKind::Latlong => {
@@ -130,7 +140,16 @@ fn integrate(above: &LatLong, below: &LatLong, turn: f32) -> Irradiance {
     })
 }
 
-/// The analytic sky, tabulated: symmetric about the sun's meridian, rows crowded at the horizon.
+/// Whose formula gives the light of clear air.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Air {
+    /// Scattering through layers, at any elevation of the sun.
+    Layers,
+    /// Preetham, Shirley and Smits 1999.
+    Preetham,
+}
+
+/// A sky that is a formula, tabulated: symmetric about the sun's meridian, rows crowded at the horizon.
 #[derive(Clone, Debug)]
 struct Dome {
     /// Radiance by row (zenith first), then by azimuth from the sun, 0 to 180 degrees.
@@ -148,10 +167,10 @@ fn row_elevation(s: f32) -> f32 {
 }
 
 impl Dome {
-    fn build(sky: &scene::Sky, sun: &scene::Sun) -> (Self, Irradiance) {
-        let scale = daylight_scale();
+    fn build(air: Air, sky: &scene::Sky, sun: &scene::Sun) -> (Self, Irradiance) {
+        let scale = daylight_scale(air);
         let albedo = Vec3::from_array(sky.ground_albedo.map(|value| value as f32));
-        let (mut dome, ground) = Self::air(sky.turbidity, albedo, sun.elevation);
+        let (mut dome, ground) = Self::air(air, sky.turbidity, albedo, sun.elevation);
         let heading = sun.azimuth.to_radians();
         dome.toward = [heading.sin() as f32, -heading.cos() as f32];
         for value in &mut dome.values {
@@ -170,17 +189,36 @@ impl Dome {
     }
 
     /// Scattered light alone in the air's own units, and beside it the transmittance to the ground.
-    fn air(turbidity: f64, albedo: Vec3, sun_elevation: f64) -> (Self, Vec<Vec3>) {
-        let air = Atmosphere::new(turbidity as f32, albedo).light();
+    fn air(air: Air, turbidity: f64, albedo: Vec3, sun_elevation: f64) -> (Self, Vec<Vec3>) {
         let sun = super::sun::direction(sun_elevation, 90.0);
+        match air {
+            Air::Layers => {
+                let air = Atmosphere::new(turbidity as f32, albedo).light();
+                Self::tabulate(|direction| {
+                    let view = air.view(direction, sun);
+                    (view.scattered, view.ground.unwrap_or(Vec3::ZERO))
+                })
+            }
+            // The formula has no air below the horizon: the ground is seen as it is.
+            Air::Preetham => {
+                let perez = Preetham::new(turbidity, sun_elevation);
+                Self::tabulate(|direction| match direction.y >= 0.0 {
+                    true => (perez.radiance(direction.y, direction.dot(sun)), Vec3::ZERO),
+                    false => (Vec3::ZERO, Vec3::ONE),
+                })
+            }
+        }
+    }
+
+    /// The table of two colours of a direction, the sun standing in the east.
+    fn tabulate(colors: impl Fn(Vec3) -> (Vec3, Vec3) + Sync) -> (Self, Vec<Vec3>) {
         let (values, ground) = (0..DOME_ROWS * DOME_COLUMNS)
             .into_par_iter()
             .map(|index| {
                 let (row, column) = (index / DOME_COLUMNS, index % DOME_COLUMNS);
                 let (y, side) = row_elevation(1.0 - 2.0 * row as f32 / (DOME_ROWS - 1) as f32).sin_cos();
                 let (sin, cos) = (column as f32 / (DOME_COLUMNS - 1) as f32 * std::f32::consts::PI).sin_cos();
-                let view = air.view(Vec3::new(side * cos, y, side * sin), sun);
-                (view.scattered, view.ground.unwrap_or(Vec3::ZERO))
+                colors(Vec3::new(side * cos, y, side * sin))
             })
             .unzip();
         (Self { values, toward: [1.0, 0.0] }, ground)
@@ -215,12 +253,17 @@ impl Dome {
 }
 
 /// Per channel, what turns the air's own units into ours: the default sun and sky give a level card irradiance pi.
-fn daylight_scale() -> Vec3 {
-    static SCALE: OnceLock<Vec3> = OnceLock::new();
-    *SCALE.get_or_init(|| {
+fn daylight_scale(air: Air) -> Vec3 {
+    static LAYERS: OnceLock<Vec3> = OnceLock::new();
+    static PREETHAM: OnceLock<Vec3> = OnceLock::new();
+    let scale = match air {
+        Air::Layers => &LAYERS,
+        Air::Preetham => &PREETHAM,
+    };
+    *scale.get_or_init(|| {
         let (sky, sun) = (scene::Sky::default(), scene::Sun::default());
         let albedo = Vec3::from_array(sky.ground_albedo.map(|value| value as f32));
-        let (dome, _) = Dome::air(sky.turbidity, albedo, sun.elevation);
+        let (dome, _) = Dome::air(air, sky.turbidity, albedo, sun.elevation);
         let direct = Sun::build(&sun, &sky);
         let wanted = Vec3::splat(std::f32::consts::PI) - direct.irradiance * direct.direction.y;
         wanted / dome.integrate().at(Vec3::Y)

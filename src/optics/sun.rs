@@ -41,15 +41,38 @@ impl Sun {
         let scale = luminance(color);
         let color = if scale > 0.0 { color / scale } else { Vec3::ZERO };
         let irradiance = color * (sun.irradiance * visible) as f32;
-        let radius = f64::from(SUN_ANGULAR_RADIUS);
-        // 1 - cos by its half angle: the plain difference keeps four digits only in single precision.
-        let solid_angle = std::f64::consts::TAU * 2.0 * (radius / 2.0).sin().powi(2);
         Self {
             direction: direction(sun.elevation, sun.azimuth),
             irradiance,
-            disc_radiance: irradiance / solid_angle as f32,
-            cos_radius: radius.cos() as f32,
+            disc_radiance: irradiance / solid_angle() as f32,
+            cos_radius: f64::from(SUN_ANGULAR_RADIUS).cos() as f32,
         }
+    }
+
+    /// A unit direction into the disc, even over its solid angle; its density is [`Sun::pdf`].
+    ///
+    /// On the rim itself, rounding may leave the direction outside of what [`Sun::contains`] takes.
+    #[inline]
+    pub fn sample(&self, u: [f32; 2]) -> Vec3 {
+        let (across, along) = self.direction.any_orthonormal_pair();
+        // 1 - cos of the angle from the centre, by the half angle: the difference itself would keep four digits.
+        let rim = 2.0 * (SUN_ANGULAR_RADIUS / 2.0).sin().powi(2);
+        let fall = rim * u[0];
+        let side = (fall * (2.0 - fall)).sqrt();
+        let (sin, cos) = (std::f32::consts::TAU * u[1]).sin_cos();
+        ((1.0 - fall) * self.direction + side * (cos * across + sin * along)).normalize()
+    }
+
+    /// Density (1/sr) of the directions that [`Sun::sample`] gives: 1 over the disc's solid angle.
+    #[inline]
+    pub fn pdf(&self) -> f32 {
+        1.0 / solid_angle() as f32
+    }
+
+    /// The same for any unit direction, 0 outside the disc: for weights between several ways of drawing.
+    #[inline]
+    pub fn pdf_of(&self, direction: Vec3) -> f32 {
+        if self.contains(direction) { self.pdf() } else { 0.0 }
     }
 
     /// True where a unit direction looks into the disc.
@@ -66,6 +89,11 @@ pub fn direction(elevation: f64, azimuth: f64) -> Vec3 {
     let (sin_elevation, cos_elevation) = elevation.to_radians().sin_cos();
     let (sin_azimuth, cos_azimuth) = azimuth.to_radians().sin_cos();
     glam::DVec3::new(sin_azimuth * cos_elevation, sin_elevation, -cos_azimuth * cos_elevation).as_vec3()
+}
+
+/// Solid angle of the disc (sr). 1 - cos by its half angle: the plain difference keeps four digits in single precision.
+fn solid_angle() -> f64 {
+    std::f64::consts::TAU * 2.0 * (f64::from(SUN_ANGULAR_RADIUS) / 2.0).sin().powi(2)
 }
 
 /// Share of the disc's area above the horizon.
@@ -116,6 +144,30 @@ mod tests {
         for (angle, inside) in [(0.0f32, true), (0.265, true), (0.268, false), (90.0, false), (180.0, false)] {
             let (s, c) = angle.to_radians().sin_cos();
             assert_eq!(sun.contains(sun.direction * c + side * s), inside, "{angle}");
+        }
+    }
+
+    #[test]
+    fn drawn_directions_fill_the_disc_evenly() {
+        for elevation in [35.0, 90.0, 0.0] {
+            let sun = at(elevation);
+            let (mut outside, mut inner, mut east, side) = (0, 0, 0, 300);
+            let across = sun.direction.any_orthonormal_vector();
+            for i in 0..side * side {
+                let u = [(i % side) as f32 + 0.5, (i / side) as f32 + 0.5].map(|x| x / side as f32);
+                let d = sun.sample(u);
+                assert!((d.length() - 1.0).abs() < 1e-6);
+                outside += u32::from(!sun.contains(d));
+                inner += u32::from((d - sun.direction).length() < 0.5 * SUN_ANGULAR_RADIUS);
+                east += u32::from(d.dot(across) > 0.0);
+            }
+            // A quarter of the disc's area lies within half its radius, half of it on either side.
+            let share = |count: u32| f64::from(count) / (side * side) as f64;
+            assert!(outside == 0 && (share(inner) - 0.25).abs() < 5e-3 && (share(east) - 0.5).abs() < 5e-3);
+            assert_eq!(sun.pdf_of(sun.direction), sun.pdf());
+            assert_eq!(sun.pdf_of(-sun.direction), 0.0);
+            // Radiance over density is the irradiance.
+            assert!((sun.disc_radiance / sun.pdf() - sun.irradiance).abs().max_element() < 1e-5 * sun.irradiance.x);
         }
     }
 

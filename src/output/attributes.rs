@@ -65,6 +65,7 @@ pub(super) fn attributes(
         ("whitewater:scene", &m.scene_hash),
         ("whitewater:solver", &m.solver),
         ("whitewater:tolerance", &m.tolerance),
+        ("whitewater:denoiser", &m.denoiser),
     ];
     // Empty strings say nothing, and OpenImageIO 3 drops them.
     list.extend(texts.into_iter().filter(|(_, t)| !t.is_empty()).map(|(name, t)| (name, text(t))));
@@ -95,6 +96,7 @@ pub(super) fn metadata<'a>(attributes: impl Iterator<Item = (&'a [u8], Attribute
             (b"whitewater:scene", AttributeValue::Text(v)) => m.scene_hash = string(&v),
             (b"whitewater:solver", AttributeValue::Text(v)) => m.solver = string(&v),
             (b"whitewater:tolerance", AttributeValue::Text(v)) => m.tolerance = string(&v),
+            (b"whitewater:denoiser", AttributeValue::Text(v)) => m.denoiser = string(&v),
             _ => {}
         }
     }
@@ -276,6 +278,7 @@ mod tests {
             tolerance: "0.02 px".into(),
             seconds: 1.5,
             complete: false,
+            denoiser: "Open Image Denoise 2.5.1".into(),
         };
         let list = attributes(&picture, &WriteOptions::default()).unwrap();
         let back = metadata(list.iter().map(|(n, v)| (n.as_bytes(), v.clone())));

@@ -3,8 +3,9 @@
 use super::{OutputError, Picture};
 
 /// Every layer name, but for the light groups (`light_<group>`), of which there are as many as a scene has.
-pub const KNOWN: [&str; 29] = [
+pub const KNOWN: [&str; 30] = [
     "beauty",
+    "noisy",
     "z",
     "n",
     "p",
@@ -175,7 +176,9 @@ mod tests {
 
     #[test]
     fn every_channel_of_the_format_has_a_known_layer() {
-        for channel in ["P.z", "albedo.R", "reflection.G", "sky.B", "mask.foam", "velocity.x", "CryptoMaterial00.a"] {
+        for channel in
+            ["P.z", "albedo.R", "reflection.G", "sky.B", "mask.foam", "velocity.x", "CryptoMaterial00.a", "noisy.R"]
+        {
             assert!(KNOWN.contains(&layer_of(channel).as_str()), "{channel}");
         }
     }

@@ -110,6 +110,8 @@ pub struct Metadata {
     pub seconds: f64,
     /// False for a picture that was stopped.
     pub complete: bool,
+    /// What took the noise out of the beauty, with its version; empty if nothing did.
+    pub denoiser: String,
 }
 impl Default for Metadata {
     /// A whole picture at 24 frames per second (what OpenEXR assumes where nothing is said) from an unknown camera.
@@ -133,6 +135,7 @@ impl Default for Metadata {
             tolerance: String::new(),
             seconds: 0.0,
             complete: true,
+            denoiser: String::new(),
         }
     }
 }

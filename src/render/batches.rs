@@ -5,7 +5,13 @@
 
 use glam::Vec3;
 
-use super::film::{FilmTile, Layer};
+use super::{
+    PathCounts,
+    caustics::Connection,
+    film::{FilmTile, Layer, Place},
+    path_tracer::Links,
+    sampler::Run,
+};
 use crate::{
     accel::{HitBatch, RayBatch},
     surface::SolveCounts,
@@ -22,14 +28,24 @@ pub struct RayCounts {
     pub refraction: u64,
     /// Straight on through spray.
     pub transparency: u64,
-    /// Towards the sun and lamps.
+    /// On from diffuse things.
+    pub diffuse: u64,
+    /// On from where the water has scattered light.
+    pub scattered: u64,
+    /// Towards the sun, the sky and lamps.
     pub shadow: u64,
 }
 
 impl RayCounts {
     /// All of them.
     pub fn total(&self) -> u64 {
-        self.primary + self.reflection + self.refraction + self.transparency + self.shadow
+        self.primary
+            + self.reflection
+            + self.refraction
+            + self.transparency
+            + self.diffuse
+            + self.scattered
+            + self.shadow
     }
 }
 
@@ -39,6 +55,8 @@ impl std::ops::AddAssign for RayCounts {
         self.reflection += other.reflection;
         self.refraction += other.refraction;
         self.transparency += other.transparency;
+        self.diffuse += other.diffuse;
+        self.scattered += other.scattered;
         self.shadow += other.shadow;
     }
 }
@@ -52,10 +70,8 @@ pub(super) struct Carrier {
     pub(super) guide: f32,
     /// Metres travelled before this ray.
     pub(super) distance: f32,
-    /// Pixel within the tile.
-    pub(super) pixel: u32,
-    /// Sample within the pixel.
-    pub(super) sample: u32,
+    /// Pixel and camera's sample that its light belongs to.
+    pub(super) place: Place,
     /// What the camera's ray met first; `None` until it has met anything but spray.
     pub(super) layer: Option<Layer>,
     /// Reflections and refractions so far.
@@ -68,6 +84,56 @@ pub(super) struct Carrier {
     pub(super) primary: bool,
     /// It is the first refracted ray, whose length the film notes.
     pub(super) notes_path: bool,
+    /// What only the path tracer reads.
+    pub(super) path: PathState,
+}
+
+/// What a path remembers of its last event, for the weights of the next.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct PathState {
+    /// Events so far: the sets of random numbers that are used up.
+    pub(super) event: u16,
+    /// Times that it has left a diffuse thing.
+    pub(super) diffuse: u16,
+    /// Times that it was scattered in the water.
+    pub(super) scattered: u32,
+    /// Where the last event was (m).
+    pub(super) from: Vec3,
+    /// Density (1/sr) with which the direction was chosen; infinite where there was no choice.
+    pub(super) density: f32,
+    /// Lights that the last event has asked for by itself, and that a ray must weigh against that when it meets them.
+    pub(super) asked: Asked,
+    /// Nothing but air or water since it left a diffuse thing or was scattered.
+    pub(super) fresh: bool,
+    /// Sun and lamps along this ray are the caustics' matter.
+    pub(super) covered: bool,
+}
+
+/// Lights that an event has sent a ray of its own to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Asked {
+    pub(super) sun: bool,
+    pub(super) sky: bool,
+    pub(super) lamps: bool,
+}
+
+impl Carrier {
+    /// A ray from the eye.
+    pub(super) fn camera(throughput: Vec3, place: Place, in_water: bool) -> Self {
+        Self {
+            throughput,
+            guide: 1.0,
+            distance: 0.0,
+            place,
+            layer: None,
+            depth: 0,
+            passed: 0,
+            in_water,
+            primary: true,
+            notes_path: false,
+            path: PathState { density: f32::INFINITY, ..PathState::default() },
+        }
+    }
 }
 
 /// Rays of one wave.
@@ -98,10 +164,12 @@ pub(super) struct ShadowCarrier {
     pub(super) level_path: f32,
     /// Metres from the eye to where it started.
     pub(super) distance: f32,
-    /// Pixel within the tile.
-    pub(super) pixel: u32,
+    /// Pixel and camera's sample that its light belongs to.
+    pub(super) place: Place,
     /// Layer that the light belongs to.
     pub(super) layer: Layer,
+    /// Light group that it belongs to.
+    pub(super) group: u16,
     /// Borders crossed so far.
     pub(super) crossed: u16,
     /// It travels in water.
@@ -127,11 +195,26 @@ impl ShadowWave {
     }
 }
 
+/// One of the camera's samples under way.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct CameraSample {
+    /// Pixel within the tile.
+    pub(super) pixel: u32,
+    /// Sample within the pixel.
+    pub(super) sample: u32,
+    /// The pixel's numbers.
+    pub(super) run: Run,
+}
+
 /// Everything that one thread keeps from tile to tile.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     /// The tile's sums.
     pub(super) film: FilmTile,
+    /// Pixels of the tile that get more samples.
+    pub(super) active: Vec<u32>,
+    /// The camera's samples of the chunk under way.
+    pub(super) samples: Vec<CameraSample>,
     /// The wave being traced and the one being filled.
     pub(super) wave: Wave,
     /// Rays that shading asks for.
@@ -140,14 +223,34 @@ pub(super) struct Scratch {
     pub(super) shadow: ShadowWave,
     /// Rays towards lights that go on.
     pub(super) next_shadow: ShadowWave,
+    /// Ways from paths to lights being traced.
+    pub(super) links: Links,
+    /// Ways to lights that go on.
+    pub(super) next_links: Links,
+    /// What stops them.
+    pub(super) occluded: Vec<bool>,
+    /// Ways to lights by the surface, of one event.
+    pub(super) connections: Vec<Connection>,
     /// Answers.
     pub(super) hits: HitBatch,
     /// Rays traced.
     pub(super) counts: RayCounts,
     /// The solver's work.
     pub(super) solve: SolveCounts,
+    /// What the path tracer counted.
+    pub(super) paths: PathCounts,
+    /// Samples of the tiles that were tallied.
+    pub(super) taken: u64,
     /// Contributions dropped since they were not finite.
     pub(super) nonfinite: u64,
     /// Resolved pixels on their way to the film.
-    pub(super) pixels: Vec<[f32; super::film::CHANNELS.len()]>,
+    pub(super) pixels: Vec<f32>,
+}
+
+impl Scratch {
+    /// Counts what the film says of a tile that is done.
+    pub(super) fn tally(&mut self) {
+        self.nonfinite += self.film.nonfinite;
+        self.taken += self.film.all_samples();
+    }
 }

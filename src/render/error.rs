@@ -37,6 +37,12 @@ pub enum RenderError {
     /// Nothing to frame the camera on.
     #[error("camera.eye and camera.look_at are not set and there is nothing to frame: set both")]
     NothingToFrame,
+    /// The beams of the caustics cannot be.
+    #[error("render.beam_samples: {0}")]
+    Beams(#[from] super::caustics::BeamError),
+    /// A frame without a moment has nothing to show.
+    #[error("a frame needs at least one moment of its shutter")]
+    NoMoment,
     /// The crop is empty.
     #[error("the data window {width}x{height} at {x},{y} is empty: it must be at least one pixel wide and high")]
     EmptyWindow {

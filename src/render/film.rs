@@ -1,24 +1,31 @@
 //! Sums of samples per pixel, and the channels that they become (docs/formats.md, section 3).
 //!
-//! Every contribution of light goes through [`FilmTile::add`] into exactly one layer, so the layers add up to the beauty
-//! by construction, and no non-finite number gets in.
+//! Every contribution of light goes through [`FilmTile::add`] into exactly one layer and one light group, so either set adds
+//! up to the beauty by construction, and no non-finite number gets in.
 
 use glam::{DVec2, DVec3, Vec3};
 
 use super::Camera;
-use crate::output::{Channel, SampleType, Window};
+use crate::{
+    optics::luminance,
+    output::{Channel, SampleType, Window},
+};
 
 /// Light by what the camera's ray met first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layer {
     /// Mirrored by the water's surface.
     Reflection,
-    /// Went into the water; not direct light.
+    /// Went into the water; neither scattered in it nor direct light on what lies there.
     Refraction,
+    /// Went into the water and was scattered by it.
+    Volume,
     /// Sun and lamps that reached what lies in the water through its surface.
     Caustics,
     /// Spray.
     Spray,
+    /// Foam on the water.
+    Foam,
     /// Ground and objects.
     Terrain,
     /// Nothing.
@@ -26,9 +33,31 @@ pub enum Layer {
 }
 
 impl Layer {
-    /// Every layer, in the order of [`CHANNELS`].
-    pub const ALL: [Self; 6] =
-        [Self::Reflection, Self::Refraction, Self::Caustics, Self::Spray, Self::Terrain, Self::Sky];
+    /// Every layer, in the order of their channels.
+    pub const ALL: [Self; 8] = [
+        Self::Reflection,
+        Self::Refraction,
+        Self::Volume,
+        Self::Caustics,
+        Self::Spray,
+        Self::Foam,
+        Self::Terrain,
+        Self::Sky,
+    ];
+
+    /// The name of its channels.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Reflection => "reflection",
+            Self::Refraction => "refraction",
+            Self::Volume => "volume",
+            Self::Caustics => "caustics",
+            Self::Spray => "spray",
+            Self::Foam => "foam",
+            Self::Terrain => "terrain",
+            Self::Sky => "sky",
+        }
+    }
 }
 
 /// Depth where nothing is hit.
@@ -36,8 +65,8 @@ pub const NOTHING: f32 = 1e10;
 
 use SampleType::{Float, Half};
 
-/// Name and type of every channel of a Whitted picture, beauty first.
-pub const CHANNELS: [(&str, SampleType); 45] = [
+/// Channels before the layers of light, beauty first.
+const BEFORE: [(&str, SampleType); 21] = [
     ("R", Half),
     ("G", Half),
     ("B", Half),
@@ -59,31 +88,59 @@ pub const CHANNELS: [(&str, SampleType); 45] = [
     ("dnormal.x", Half),
     ("dnormal.y", Half),
     ("dnormal.z", Half),
-    ("reflection.R", Half),
-    ("reflection.G", Half),
-    ("reflection.B", Half),
-    ("refraction.R", Half),
-    ("refraction.G", Half),
-    ("refraction.B", Half),
-    ("caustics.R", Half),
-    ("caustics.G", Half),
-    ("caustics.B", Half),
-    ("spray.R", Half),
-    ("spray.G", Half),
-    ("spray.B", Half),
-    ("terrain.R", Half),
-    ("terrain.G", Half),
-    ("terrain.B", Half),
-    ("sky.R", Half),
-    ("sky.G", Half),
-    ("sky.B", Half),
+];
+
+/// Channels after the layers and groups of light.
+const AFTER: [(&str, SampleType); 8] = [
     ("water.depth", Float),
     ("water.path", Float),
+    ("mask.foam", Half),
     ("velocity.x", Half),
     ("velocity.y", Half),
     ("velocity.z", Half),
     ("sampleCount", Float),
+    ("variance", Float),
 ];
+
+/// Name and type of every channel of a picture with these light groups, beauty first.
+pub fn channels(groups: &[String]) -> Vec<(String, SampleType)> {
+    let light = Layer::ALL
+        .map(|layer| layer.name().to_owned())
+        .into_iter()
+        .chain(groups.iter().map(|group| format!("light_{group}")))
+        .flat_map(|name| ["R", "G", "B"].map(|color| (format!("{name}.{color}"), Half)));
+    let named = |&(name, sample_type): &(&str, SampleType)| (name.to_owned(), sample_type);
+    BEFORE.iter().map(named).chain(light).chain(AFTER.iter().map(named)).collect()
+}
+
+/// Where a contribution of light goes: a pixel of the tile, and the camera's sample that it is part of.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Place {
+    /// Pixel within the tile.
+    pub(super) pixel: u32,
+    /// Camera's sample within the chunk of rays under way.
+    pub(super) path: u32,
+}
+
+/// The moments of a pixel's samples, from which its noise is judged.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moments {
+    samples: u32,
+    sum: f64,
+    squares: f64,
+}
+
+impl Moments {
+    /// Variance of the mean luminance, as if samples were independent: they are better spread than that, so it is an
+    /// upper bound in practice. 0 until there are two samples.
+    fn variance_of_mean(&self) -> f64 {
+        if self.samples < 2 {
+            return 0.0;
+        }
+        let n = f64::from(self.samples);
+        ((self.squares - self.sum * self.sum / n) / (n - 1.0)).max(0.0) / n
+    }
+}
 
 /// What the camera's ray met nearest of all samples of a pixel.
 #[derive(Clone, Copy, Debug)]
@@ -121,11 +178,19 @@ impl Nearest {
 pub(super) struct FilmTile {
     /// The pixels, of the full frame.
     pub(super) window: Window,
-    light: Vec<[Vec3; Layer::ALL.len()]>,
+    /// Layers, then groups, of each pixel.
+    light: Vec<Vec3>,
+    /// Layers and groups of a pixel.
+    stride: usize,
+    moments: Vec<Moments>,
+    /// Luminance so far of each camera's sample of the chunk under way.
+    paths: Vec<f32>,
     albedo: Vec<Vec3>,
     normal: Vec<Vec3>,
     /// Weight of the samples that saw a sky that is not to be seen.
     uncovered: Vec<f32>,
+    /// Share of the samples that is foam at first sight.
+    foam: Vec<f32>,
     nearest: Vec<Nearest>,
     /// Contributions that were dropped since they were not finite.
     pub(super) nonfinite: u64,
@@ -133,7 +198,7 @@ pub(super) struct FilmTile {
 
 impl FilmTile {
     /// Starts over for the pixels of `window`; keeps the memory.
-    pub(super) fn reset(&mut self, window: Window) {
+    pub(super) fn reset(&mut self, window: Window, groups: usize) {
         let count = window.width as usize * window.height as usize;
         self.window = window;
         self.nonfinite = 0;
@@ -141,21 +206,61 @@ impl FilmTile {
             values.clear();
             values.resize(count, value);
         }
-        fill(&mut self.light, count, [Vec3::ZERO; Layer::ALL.len()]);
+        self.stride = Layer::ALL.len() + groups;
+        fill(&mut self.light, count * self.stride, Vec3::ZERO);
+        fill(&mut self.moments, count, Moments::default());
         fill(&mut self.albedo, count, Vec3::ZERO);
         fill(&mut self.normal, count, Vec3::ZERO);
         fill(&mut self.uncovered, count, 0.0);
+        fill(&mut self.foam, count, 0.0);
         fill(&mut self.nearest, count, Nearest::NONE);
     }
 
-    /// Adds light to a layer. A contribution that is not finite is dropped and counted, a negative one is none.
+    /// Starts a chunk of so many of the camera's samples.
+    pub(super) fn begin(&mut self, paths: usize) {
+        self.paths.clear();
+        self.paths.resize(paths, 0.0);
+    }
+
+    /// Ends the chunk: `pixels` says whose each sample was.
+    pub(super) fn end(&mut self, pixels: impl Iterator<Item = u32>) {
+        for (pixel, &luminance) in pixels.zip(&self.paths) {
+            let moments = &mut self.moments[pixel as usize];
+            moments.samples += 1;
+            moments.sum += f64::from(luminance);
+            moments.squares += f64::from(luminance) * f64::from(luminance);
+        }
+    }
+
+    /// Adds light to a layer and a group. A contribution that is not finite is dropped and counted, a negative one is none.
     #[inline]
-    pub(super) fn add(&mut self, pixel: u32, layer: Layer, light: Vec3) {
+    pub(super) fn add(&mut self, place: Place, layer: Layer, group: u16, light: Vec3) {
         if light.is_finite() {
-            self.light[pixel as usize][layer as usize] += light.max(Vec3::ZERO);
+            let light = light.max(Vec3::ZERO);
+            let pixel = &mut self.light[place.pixel as usize * self.stride..][..self.stride];
+            pixel[layer as usize] += light;
+            pixel[Layer::ALL.len() + usize::from(group)] += light;
+            self.paths[place.path as usize] += luminance(light);
         } else {
             self.nonfinite += 1;
         }
+    }
+
+    /// Samples that a pixel has.
+    pub(super) fn samples(&self, pixel: u32) -> u32 {
+        self.moments[pixel as usize].samples
+    }
+
+    /// Samples of all pixels.
+    pub(super) fn all_samples(&self) -> u64 {
+        self.moments.iter().map(|moments| u64::from(moments.samples)).sum()
+    }
+
+    /// Standard error of a pixel's luminance relative to that luminance and `floor` together.
+    pub(super) fn relative_error(&self, pixel: u32, floor: f64) -> f64 {
+        let moments = &self.moments[pixel as usize];
+        let mean = moments.sum / f64::from(moments.samples.max(1));
+        moments.variance_of_mean().sqrt() / (mean + floor)
     }
 
     /// Adds to the denoiser's guides: albedo and normal of what is seen with `weight`.
@@ -176,6 +281,12 @@ impl FilmTile {
         self.uncovered[pixel as usize] += weight;
     }
 
+    /// Notes that a share of one sample is foam at first sight.
+    #[inline]
+    pub(super) fn add_foam(&mut self, pixel: u32, cover: f32) {
+        self.foam[pixel as usize] += cover;
+    }
+
     /// Takes `hit` if it is nearer than what the pixel has.
     #[inline]
     pub(super) fn offer(&mut self, pixel: u32, hit: Nearest) {
@@ -194,18 +305,19 @@ impl FilmTile {
         }
     }
 
-    /// The channels of every pixel, in the order of [`CHANNELS`].
-    pub(super) fn resolve(&self, view: &View, pixels: &mut Vec<[f32; CHANNELS.len()]>) {
+    /// The channels of every pixel, in the order of [`channels`].
+    pub(super) fn resolve(&self, view: &View, pixels: &mut Vec<f32>) {
         pixels.clear();
-        for index in 0..self.light.len() {
+        for index in 0..self.moments.len() {
             let x = self.window.x + (index % self.window.width as usize) as i32;
             let y = self.window.y + (index / self.window.width as usize) as i32;
-            pixels.push(self.resolve_pixel(index, DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5), view));
+            self.resolve_pixel(index, DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5), view, pixels);
         }
     }
 
-    fn resolve_pixel(&self, index: usize, centre: DVec2, view: &View) -> [f32; CHANNELS.len()] {
-        let share = 1.0 / view.samples as f32;
+    fn resolve_pixel(&self, index: usize, centre: DVec2, view: &View, values: &mut Vec<f32>) {
+        let moments = &self.moments[index];
+        let share = 1.0 / moments.samples.max(1) as f32;
         let nearest = &self.nearest[index];
         let hit = nearest.depth < NOTHING;
         let world = if hit { view.origin + nearest.position.as_dvec3() } else { DVec3::ZERO };
@@ -224,32 +336,28 @@ impl FilmTile {
         };
         let (forward, backward) = (motion(&view.next, 1.0), motion(&view.previous, -1.0));
         // The sum of finite numbers may overflow: it stays finite here, and the file's own limit comes later.
-        let light = self.light[index].map(|sum| (sum * share).min(Vec3::splat(f32::MAX)));
-        let beauty = light.iter().fold(Vec3::ZERO, |sum, layer| sum + *layer).min(Vec3::splat(f32::MAX));
+        let light = self.light[index * self.stride..][..self.stride]
+            .iter()
+            .map(|&sum| (sum * share).min(Vec3::splat(f32::MAX)));
+        let beauty = light.clone().take(Layer::ALL.len()).fold(Vec3::ZERO, |sum, layer| sum + layer);
         let alpha = (1.0 - self.uncovered[index] * share).clamp(0.0, 1.0);
         let (albedo, dnormal) = (self.albedo[index] * share, self.normal[index] * share);
 
-        let mut values = [0.0; CHANNELS.len()];
-        let mut place = 0;
-        let mut put = |list: &[f32]| {
-            values[place..place + list.len()].copy_from_slice(list);
-            place += list.len();
-        };
-        put(&beauty.to_array());
-        put(&[alpha, nearest.depth]);
-        put(&nearest.normal.to_array());
-        put(&world.as_vec3().to_array());
-        put(&forward);
-        put(&backward);
-        put(&albedo.to_array());
-        put(&dnormal.to_array());
+        values.extend(beauty.min(Vec3::splat(f32::MAX)).to_array());
+        values.extend([alpha, nearest.depth]);
+        values.extend(nearest.normal.to_array());
+        values.extend(world.as_vec3().to_array());
+        values.extend(forward);
+        values.extend(backward);
+        values.extend(albedo.to_array());
+        values.extend(dnormal.to_array());
         for layer in light {
-            put(&layer.to_array());
+            values.extend(layer.to_array());
         }
-        put(&[nearest.water_depth, nearest.water_path]);
-        put(&nearest.velocity.to_array());
-        put(&[view.samples as f32]);
-        values
+        values.extend([nearest.water_depth, nearest.water_path, self.foam[index] * share]);
+        values.extend(nearest.velocity.to_array());
+        let variance = moments.variance_of_mean().min(f64::from(f32::MAX));
+        values.extend([moments.samples as f32, variance as f32]);
     }
 }
 
@@ -266,8 +374,6 @@ pub(super) struct View {
     pub(super) origin: DVec3,
     /// Frames per second.
     pub(super) fps: f64,
-    /// Samples per pixel.
-    pub(super) samples: u32,
 }
 
 /// The channels of a whole data window; pixels that no tile has filled are 0.
@@ -279,23 +385,23 @@ pub(super) struct Film {
 
 impl Film {
     /// An empty film.
-    pub(super) fn new(data: Window) -> Self {
+    pub(super) fn new(data: Window, groups: &[String]) -> Self {
         let count = data.width as usize * data.height as usize;
-        let channels = CHANNELS
-            .iter()
-            .map(|&(name, sample_type)| Channel { name: name.to_owned(), sample_type, samples: vec![0.0; count] })
+        let channels = channels(groups)
+            .into_iter()
+            .map(|(name, sample_type)| Channel { name, sample_type, samples: vec![0.0; count] })
             .collect();
         Self { data, channels }
     }
 
     /// Copies a tile's pixels to their place.
-    pub(super) fn place(&mut self, window: Window, pixels: &[[f32; CHANNELS.len()]]) {
-        let width = window.width as usize;
+    pub(super) fn place(&mut self, window: Window, pixels: &[f32]) {
+        let (width, stride) = (window.width as usize, self.channels.len());
         for (index, channel) in self.channels.iter_mut().enumerate() {
-            for (row, line) in pixels.chunks_exact(width).enumerate() {
+            for (row, line) in pixels.chunks_exact(width * stride).enumerate() {
                 let y = (window.y - self.data.y) as usize + row;
                 let start = y * self.data.width as usize + (window.x - self.data.x) as usize;
-                for (sample, pixel) in channel.samples[start..start + width].iter_mut().zip(line) {
+                for (sample, pixel) in channel.samples[start..start + width].iter_mut().zip(line.chunks_exact(stride)) {
                     *sample = pixel[index];
                 }
             }
@@ -330,28 +436,45 @@ mod tests {
             previous: camera(eye - 2.0 * step),
             origin: DVec3::new(1.0e5, 0.0, 0.0),
             fps: 24.0,
-            samples: 4,
         }
     }
 
-    fn value(pixels: &[[f32; CHANNELS.len()]], pixel: usize, name: &str) -> f32 {
-        pixels[pixel][CHANNELS.iter().position(|channel| channel.0 == name).unwrap()]
+    fn groups() -> [String; 2] {
+        ["sun", "sky"].map(str::to_owned)
+    }
+
+    fn value(pixels: &[f32], pixel: usize, name: &str) -> f32 {
+        let channels = channels(&groups());
+        pixels[pixel * channels.len() + channels.iter().position(|channel| channel.0 == name).unwrap()]
+    }
+
+    /// A tile of which every pixel has had four of the camera's samples.
+    fn tile(window: Window) -> FilmTile {
+        let mut tile = FilmTile::default();
+        tile.reset(window, 2);
+        let pixels = window.width * window.height;
+        tile.begin(4 * pixels as usize);
+        tile.end((0..4 * pixels).map(|path| path / 4));
+        tile
+    }
+
+    fn at(pixel: u32) -> Place {
+        Place { pixel, path: 4 * pixel }
     }
 
     #[test]
     fn light_that_is_not_finite_is_dropped_and_counted() {
-        let mut tile = FilmTile::default();
-        tile.reset(window(0, 0, 2, 1));
-        tile.add(1, Layer::Spray, Vec3::new(f32::NAN, 1.0, 1.0));
-        tile.add(1, Layer::Sky, Vec3::new(1.0, f32::INFINITY, 1.0));
-        tile.add(1, Layer::Sky, Vec3::new(4.0, -3.0, 8.0));
-        tile.add(1, Layer::Terrain, Vec3::splat(f32::MAX));
-        tile.add(1, Layer::Terrain, Vec3::splat(f32::MAX));
+        let mut tile = tile(window(0, 0, 2, 1));
+        tile.add(at(1), Layer::Spray, 0, Vec3::new(f32::NAN, 1.0, 1.0));
+        tile.add(at(1), Layer::Sky, 0, Vec3::new(1.0, f32::INFINITY, 1.0));
+        tile.add(at(1), Layer::Sky, 0, Vec3::new(4.0, -3.0, 8.0));
+        tile.add(at(1), Layer::Terrain, 0, Vec3::splat(f32::MAX));
+        tile.add(at(1), Layer::Terrain, 0, Vec3::splat(f32::MAX));
         tile.add_guide(1, f32::NAN, Vec3::ONE, Vec3::Y);
         assert_eq!(tile.nonfinite, 3);
         let mut pixels = Vec::new();
         tile.resolve(&view(), &mut pixels);
-        assert!(pixels.iter().flatten().all(|value| value.is_finite()));
+        assert!(pixels.iter().all(|value| value.is_finite()));
         assert_eq!(
             [value(&pixels, 1, "sky.R"), value(&pixels, 1, "sky.G"), value(&pixels, 1, "sky.B")],
             [1.0, 0.0, 2.0]
@@ -360,29 +483,31 @@ mod tests {
 
     #[test]
     fn layers_add_up_to_the_beauty() {
-        let mut tile = FilmTile::default();
-        tile.reset(window(0, 0, 1, 1));
+        let mut tile = tile(window(0, 0, 1, 1));
         for (index, layer) in Layer::ALL.into_iter().enumerate() {
-            tile.add(0, layer, Vec3::new(0.1, 1.7, 13.0) * (index + 1) as f32);
+            tile.add(at(0), layer, (index % 2) as u16, Vec3::new(0.1, 1.7, 13.0) * (index + 1) as f32);
         }
         let mut pixels = Vec::new();
         tile.resolve(&view(), &mut pixels);
         for channel in ["R", "G", "B"] {
-            let sum: f32 = CHANNELS
-                .iter()
-                .filter(|(name, _)| name.ends_with(&format!(".{channel}")) && !name.starts_with("albedo"))
-                .map(|(name, _)| value(&pixels, 0, name))
-                .sum();
             let beauty = value(&pixels, 0, channel);
-            assert!((sum - beauty).abs() <= 1e-6 * beauty && beauty > 0.0, "{channel}: {sum} {beauty}");
+            for by_group in [false, true] {
+                let sum: f32 = channels(&groups())
+                    .iter()
+                    .map(|(name, _)| name)
+                    .filter(|name| name.ends_with(&format!(".{channel}")) && !name.starts_with("albedo"))
+                    .filter(|name| name.starts_with("light_") == by_group)
+                    .map(|name| value(&pixels, 0, name))
+                    .sum();
+                assert!((sum - beauty).abs() <= 1e-6 * beauty && beauty > 0.0, "{channel}: {sum} {beauty}");
+            }
         }
     }
 
     #[test]
     fn motion_is_the_projection_of_where_things_go() {
         let view = view();
-        let mut tile = FilmTile::default();
-        tile.reset(window(10, 12, 2, 1));
+        let mut tile = tile(window(10, 12, 2, 1));
         let (position, velocity) = (Vec3::new(2.0, 2.0, -9.0), Vec3::new(2.4, 0.0, 4.8));
         tile.offer(0, Nearest { depth: 3.0, sample: 0, position, velocity, ..Nearest::NONE });
         // A farther sample must not replace it.
@@ -420,9 +545,31 @@ mod tests {
 
     #[test]
     fn tiles_land_in_their_place_of_the_data_window() {
-        let mut film = Film::new(window(-3, 5, 5, 3));
-        film.place(window(0, 6, 2, 2), &[[1.0; CHANNELS.len()], [2.0; 45], [3.0; 45], [4.0; 45]]);
+        let mut film = Film::new(window(-3, 5, 5, 3), &groups());
+        let stride = channels(&groups()).len();
+        let pixels: Vec<f32> = (1..=4).flat_map(|value| vec![value as f32; stride]).collect();
+        film.place(window(0, 6, 2, 2), &pixels);
         let channels = film.into_channels();
         assert_eq!(channels[0].samples, [0., 0., 0., 0., 0., 0., 0., 0., 1., 2., 0., 0., 0., 3., 4.]);
+    }
+
+    #[test]
+    fn noise_is_judged_by_whole_samples() {
+        let mut tile = FilmTile::default();
+        tile.reset(window(0, 0, 1, 1), 1);
+        for chunk in [[1.0, 3.0], [2.0, 6.0]] {
+            tile.begin(2);
+            for (path, value) in chunk.into_iter().enumerate() {
+                // In two parts: a sample's light comes from several rays.
+                let place = Place { pixel: 0, path: path as u32 };
+                tile.add(place, Layer::Sky, 0, Vec3::splat(0.5 * value));
+                tile.add(place, Layer::Terrain, 0, Vec3::splat(0.5 * value));
+            }
+            tile.end([0, 0].into_iter());
+        }
+        // Of 1, 3, 2, 6: mean 3, variance 14/3, of the mean 14/12.
+        let error = (14.0_f64 / 12.0).sqrt() / 3.5;
+        assert!((tile.relative_error(0, 0.5) - error).abs() < 1e-6);
+        assert_eq!(tile.samples(0), 4);
     }
 }

@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::{GroundLook, Matter, SprayLook};
 use crate::{
+    foam::{Aeration, FoamField, FoamLook},
     particles,
     surface::SplineSurface,
     terrain::{Ground, GroundPoint, SkyView, Waterline},
@@ -24,6 +25,8 @@ pub struct Looks<'a> {
     pub water: Option<&'a SplineSurface>,
     /// The bed as a spline, whatever it is drawn as; `None` without a bed.
     pub bed: Option<&'a SplineSurface>,
+    /// The foam; `None` without any.
+    pub foam: Option<&'a FoamField>,
 }
 
 impl Matter for Looks<'_> {
@@ -45,5 +48,17 @@ impl Matter for Looks<'_> {
 
     fn bed_level(&self, x: f32, z: f32) -> Option<f32> {
         self.bed?.height(x, z)
+    }
+
+    fn foam(&self, position: Vec3, footprint: f32) -> Option<FoamLook> {
+        self.foam?.at(position.x, position.z, footprint)
+    }
+
+    fn most_bubbles(&self) -> f32 {
+        self.foam.map_or(0.0, FoamField::most_bubbles)
+    }
+
+    fn bubbles(&self, x: f32, z: f32) -> Option<Aeration> {
+        self.foam?.bubbles(x, z)
     }
 }

@@ -4,30 +4,35 @@
 
 mod batches;
 mod camera;
+pub mod caustics;
 mod contact;
 mod error;
 mod film;
 mod framing;
 mod job;
 mod looks;
+mod matte;
 pub mod observer;
 mod path;
+mod path_tracer;
 mod sampler;
 mod shadow;
 mod tiles;
+mod wave;
 mod whitted;
 mod world;
 
 pub use batches::RayCounts;
 pub use camera::{Camera, FILM_BACK_MM, Pose, concentric_disc};
 pub use error::RenderError;
-pub use film::{CHANNELS, Layer, NOTHING};
+pub use film::{Layer, NOTHING, channels};
 pub use framing::frame_points;
-pub use job::{Job, RenderStats, render_frame};
+pub use job::{Job, Moment, RenderStats, render_frame};
 pub use looks::Looks;
 pub use observer::Observer;
 pub use path::CameraPath;
-pub use sampler::{Sample, Sampler};
+pub use path_tracer::PathCounts;
+pub use sampler::{Run, Sample, Sampler};
 pub use tiles::{TILE, tiles};
 pub use world::{GroundLook, Matter, SprayLook};
 

@@ -1,16 +1,17 @@
 //! Direct light: which lights a point asks for, and the chain of hits on the way to each.
 //!
 //! Ground and objects stop light, spray lets 1 - opacity of it through, water crossings cost Fresnel's share and what
-//! the water on the way absorbs. Rays from under water towards the sun are bent once, as under a level surface: where
-//! waves would focus the beam is the matter of a caustics pass, not of Whitted's light.
+//! the water on the way absorbs. Rays from under water towards the sun are bent once, as under a level surface, unless
+//! caustics are asked for: then `caustics` finds where the waves focus the sun, as it does for paths.
 
 use glam::Vec3;
 
 use super::{
-    batches::{Scratch, ShadowCarrier},
+    batches::{Carrier, Scratch, ShadowCarrier},
     contact::Contact,
-    film::Layer,
-    world::World,
+    film::{Layer, Place},
+    path_tracer::Asker,
+    world::{SUN, World},
 };
 use crate::{
     accel::NO_PART,
@@ -39,7 +40,7 @@ pub(super) struct Receiver<'a> {
     pub(super) depth: f32,
     /// Metres from the eye.
     pub(super) distance: f32,
-    pub(super) pixel: u32,
+    pub(super) place: Place,
     pub(super) layer: Layer,
 }
 
@@ -51,8 +52,9 @@ impl World<'_> {
             share: 1.0,
             level_path: 0.0,
             distance: receiver.distance,
-            pixel: receiver.pixel,
+            place: receiver.place,
             layer: receiver.layer,
+            group: SUN,
             crossed: 0,
             in_water: receiver.in_water,
             bent: false,
@@ -60,7 +62,9 @@ impl World<'_> {
         // A smooth shading normal may see a light that the flat surface under it turns its back to.
         let faces = |direction: Vec3| receiver.facing.is_none_or(|normal| normal.dot(direction) > 0.0);
         if receiver.in_water {
-            if let Some(sun) = &self.sun_below {
+            if self.manifold.is_some() {
+                self.ask_for_caustics(receiver, scratch);
+            } else if let Some(sun) = &self.sun_below {
                 let cosine = receiver.normal.dot(sun.direction);
                 if cosine > 0.0 && faces(sun.direction) {
                     let bent = ShadowCarrier {
@@ -85,12 +89,39 @@ impl World<'_> {
             let direction = to_lamp / distance;
             let cosine = receiver.normal.dot(direction);
             if cosine > 0.0 && faces(direction) {
+                carrier.group = lamp.group;
                 carrier.light = receiver.weight * lamp.intensity * (cosine / (distance * distance));
                 // The lamp is a point: nothing at its very place stands in the way.
                 let reach = distance * (1.0 - 4.0 * f32::EPSILON);
                 self.push_shadow(receiver.contact, direction, reach, carrier, scratch);
             }
         }
+    }
+
+    /// The sun as the water's surface focuses it on a diffuse point under water.
+    fn ask_for_caustics(&self, receiver: &Receiver, scratch: &mut Scratch) {
+        if let Some(beams) = &self.beams {
+            let light = receiver.weight * beams.irradiance(receiver.contact.position, receiver.normal);
+            scratch.film.add(receiver.place, receiver.layer, SUN, light);
+            return;
+        }
+        let carrier = Carrier {
+            distance: receiver.distance,
+            ..Carrier::camera(receiver.weight, receiver.place, receiver.in_water)
+        };
+        let value = |direction: Vec3| {
+            let seen = receiver.facing.is_none_or(|facing| facing.dot(direction) > 0.0);
+            if seen { receiver.normal.dot(direction).max(0.0) } else { 0.0 }
+        };
+        let asker = Asker {
+            position: receiver.contact.leave(receiver.facing.unwrap_or(receiver.normal)),
+            contact: Some(receiver.contact),
+            carrier: &carrier,
+            value: &value,
+            layer: receiver.layer,
+            caustic_layer: receiver.layer,
+        };
+        self.ask_sun_by_surface(&asker, scratch);
     }
 
     /// Queues one ray towards a light.
@@ -132,7 +163,7 @@ impl World<'_> {
                 (true, false) => reach,
             };
             let light = carrier.light * carrier.share * transmittance(self.water.absorption, path);
-            scratch.film.add(carrier.pixel, carrier.layer, light);
+            scratch.film.add(carrier.place, carrier.layer, carrier.group, light);
             return;
         }
         let (origin, mut direction) = (scratch.shadow.rays.origin(index), scratch.shadow.rays.direction(index));

@@ -5,12 +5,16 @@ use glam::{DVec3, Vec3};
 
 use crate::{
     accel::Accelerator,
-    lower::Lowered,
-    optics::{Sky, Sun, fresnel, highlight::Lobe},
+    foam::{Aeration, FoamLook},
+    lower::{Lowered, Material},
+    optics::{Interface, Medium, Sky, SkySampler, Sun, fresnel, highlight::Lobe},
     scene,
 };
 
-use super::{Camera, Sampler};
+use super::{
+    Camera, Moment, Sampler,
+    caustics::{BeamError, BeamMap, BeamSun, Manifold},
+};
 
 /// The look of the ground at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,15 +49,50 @@ pub trait Matter: Sync {
     fn water_level(&self, x: f32, z: f32) -> Option<f32>;
     /// Height of the bed at x, z; `None` outside the domain.
     fn bed_level(&self, x: f32, z: f32) -> Option<f32>;
+    /// The foam on the water's surface at `position`, over a `footprint` (m); `None` where there is none.
+    fn foam(&self, _position: Vec3, _footprint: f32) -> Option<FoamLook> {
+        None
+    }
+    /// Greatest extinction (1/m) of bubbles anywhere; 0 where there are none.
+    fn most_bubbles(&self) -> f32 {
+        0.0
+    }
+    /// The bubbles in the water under its surface at x, z; `None` where there are none.
+    fn bubbles(&self, _x: f32, _z: f32) -> Option<Aeration> {
+        None
+    }
 }
 
-/// A point light in the local frame.
+/// Light group of the sun.
+pub(super) const SUN: u16 = 0;
+
+/// Light group of the sky.
+pub(super) const SKY: u16 = 1;
+
+/// Names of the light groups: sun, sky, then those of the lamps, each once.
+pub(super) fn groups(scene: &scene::Scene) -> Vec<String> {
+    let mut groups = vec!["sun".to_owned(), "sky".to_owned()];
+    for light in &scene.light {
+        if !groups.contains(&light.group) {
+            groups.push(light.group.clone());
+        }
+    }
+    groups
+}
+
+/// A lamp in the local frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lamp {
     /// Position (m).
     pub(super) position: Vec3,
     /// Radiant intensity.
     pub(super) intensity: Vec3,
+    /// Radius (m), 0 for a point.
+    pub(super) radius: f32,
+    /// Light group.
+    pub(super) group: u16,
+    /// It hangs under the water's surface.
+    pub(super) in_water: bool,
 }
 
 /// What water does to light, in single precision, with what follows from it.
@@ -140,6 +179,32 @@ pub(super) struct SunBelow {
     pub(super) irradiance: Vec3,
 }
 
+/// Where paths end.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    /// Events on diffuse things.
+    pub(super) diffuse: u32,
+    /// Events in the water.
+    pub(super) scattered: u32,
+    /// Of how many of the camera's samples how many search for light by way of the surface at first sight.
+    pub(super) searches: [u32; 2],
+    /// Greatest contribution after the first such event.
+    pub(super) clamp: Option<f32>,
+}
+
+/// What all moments of a frame share.
+pub(super) struct Shared {
+    /// Where the sky is bright; only paths ask.
+    sky_sampler: Option<SkySampler>,
+}
+
+impl Shared {
+    pub(super) fn new(scene: &scene::Scene, sky: &Sky) -> Self {
+        let paths = scene.render.integrator == scene::Integrator::Path;
+        Self { sky_sampler: paths.then(|| SkySampler::new(sky)) }
+    }
+}
+
 /// Everything about a frame that shading reads.
 pub(super) struct World<'a> {
     pub(super) lowered: &'a Lowered,
@@ -159,6 +224,23 @@ pub(super) struct World<'a> {
     pub(super) depth: u16,
     /// The eye is in the water.
     pub(super) eye_in_water: bool,
+    pub(super) integrator: scene::Integrator,
+    pub(super) sky_sampler: Option<&'a SkySampler>,
+    /// The water's border as paths meet it.
+    pub(super) interface: Interface,
+    /// What paths meet in the water.
+    pub(super) medium: Medium,
+    /// Finds ways to lights by the water's surface.
+    pub(super) manifold: Option<Manifold>,
+    /// It finds mirrored light as well.
+    pub(super) mirrored: bool,
+    /// The sun's light carried down to the bed.
+    pub(super) beams: Option<BeamMap>,
+    pub(super) limits: Limits,
+    /// Greatest extinction (1/m) of bubbles.
+    pub(super) most_bubbles: f32,
+    /// Links may be thinned by spray.
+    pub(super) has_spray: bool,
     /// Tolerance of a surface hit: metres, and metres per metre travelled.
     pub(super) tolerance: [f32; 2],
     /// The same for rays after the first.
@@ -168,31 +250,37 @@ pub(super) struct World<'a> {
 impl<'a> World<'a> {
     pub(super) fn new(
         scene: &scene::Scene,
-        lowered: &'a Lowered,
-        accelerator: &'a dyn Accelerator,
-        matter: &'a dyn Matter,
+        shared: &'a Shared,
+        moment: &Moment<'a>,
         sky: &'a Sky,
         camera: Camera,
-    ) -> Self {
+    ) -> Result<Self, BeamError> {
+        let Moment { lowered, accelerator, matter, .. } = *moment;
         let water = WaterLook::new(&scene.water);
         let sun = Sun::build(&scene.sun, &scene.sky);
-        let lamps = scene
+        let groups = groups(scene);
+        let under_water = |point: Vec3| {
+            let over_bed = matter.bed_level(point.x, point.z).is_none_or(|bed| point.y > bed);
+            over_bed && matter.water_level(point.x, point.z).is_some_and(|level| point.y < level)
+        };
+        let local = |point: DVec3| (point - lowered.origin).as_vec3();
+        let lamps: Vec<Lamp> = scene
             .light
             .iter()
             .map(|light| Lamp {
-                position: (DVec3::from(light.position) - lowered.origin).as_vec3(),
+                position: local(light.position.into()),
+                in_water: under_water(local(light.position.into())),
                 intensity: Vec3::from_array(light.intensity.map(|value| value as f32)),
+                radius: light.radius as f32,
+                group: groups.iter().position(|group| *group == light.group).unwrap_or_default() as u16,
             })
             .collect();
-        let eye = (camera.pose.eye - lowered.origin).as_vec3();
-        let level = matter.water_level(eye.x, eye.z);
-        // Without a bed the water is closed by whatever else stands there, and being under its top is what counts.
-        let over_bed = matter.bed_level(eye.x, eye.z).is_none_or(|bed| eye.y > bed);
+        let interface = Interface { alpha: scene.water.roughness as f32, ior: scene.water.ior as f32 };
         let tolerance = match scene.surface.tolerance {
             Some(metres) => [metres as f32, 0.0],
             None => [0.0, (scene.surface.accuracy * camera.pixel_angle()) as f32],
         };
-        Self {
+        let mut world = Self {
             lowered,
             accelerator,
             matter,
@@ -206,10 +294,44 @@ impl<'a> World<'a> {
             sky_visible: scene.sky.visible,
             bed_albedo: Vec3::from_array(scene.sky.ground_albedo.map(|value| value as f32)),
             depth: scene.render.depth.min(u32::from(u16::MAX)) as u16,
-            eye_in_water: over_bed && level.is_some_and(|level| eye.y < level),
+            // Without a bed the water is closed by whatever else stands there, and being under its top is what counts.
+            eye_in_water: under_water(local(camera.pose.eye)),
+            integrator: scene.render.integrator,
+            sky_sampler: shared.sky_sampler.as_ref(),
+            interface,
+            medium: Medium::from_scene(&scene.water),
+            manifold: None,
+            mirrored: scene.render.mirrored_caustics,
+            beams: None,
+            limits: Limits {
+                diffuse: scene.render.diffuse_depth,
+                scattered: scene.render.volume_depth,
+                searches: [scene.render.samples, scene.render.caustic_samples.unwrap_or(scene.render.samples)],
+                clamp: scene.render.clamp.map(|limit| limit as f32),
+            },
+            most_bubbles: matter.most_bubbles(),
+            has_spray: lowered.parts.iter().any(|part| matches!(part.material, Material::Spray)),
             tolerance,
             secondary_tolerance: tolerance.map(|part| part * scene.surface.secondary_accuracy as f32),
+        };
+        let caustics = scene.caustics();
+        let lit = !world.lamps.is_empty() || world.sun.irradiance.max_element() > 0.0;
+        if let Some(water) = moment.water.filter(|_| lit && caustics != scene::Caustics::Off) {
+            // Beams carry the sun to the bed alone: what is scattered in the water, and lamps, still ask the surface.
+            world.manifold = Some(Manifold::new(water));
+            if caustics == scene::Caustics::Beams {
+                let sun = BeamSun {
+                    direction: world.sun.direction,
+                    irradiance: world.sun.irradiance,
+                    ior: world.water.ior,
+                    attenuation: world.medium.extinction(),
+                    reflectance: &|cosine| world.water.reflectance(cosine, false),
+                };
+                let beams = BeamMap::build(water, lowered, accelerator, &sun, scene.render.beam_samples)?;
+                world.beams = Some(beams);
+            }
         }
+        Ok(world)
     }
 
     /// Tolerance (m) at the start of a reflected, refracted or shadow ray, `distance` metres after the eye.

@@ -143,7 +143,7 @@ mod tests {
     use serde_json::{Value, json};
 
     use super::*;
-    use crate::scene::{Fresnel, Highlight, WaterPreset};
+    use crate::scene::{Fresnel, Highlight, PhaseKind, WaterPreset};
 
     const COMPLETE: &str = "[frames]\nfiles = \"time###.state\"\n";
 
@@ -171,6 +171,7 @@ mod tests {
             "surface.solver": "univariate", "surface.tolerance": null,
             "surface.dry_threshold": 0.001, "surface.dry_depth": null,
             "water.ior": 1.333, "water.absorption": [0.34, 0.05, 0.009], "water.fresnel": "exact",
+            "water.scattering": [0.0, 0.0, 0.0], "water.phase": "henyey-greenstein", "water.asymmetry": 0.92,
             "particles.representation": "spheres", "particles.scale": 1.0,
             "camera.eye": null, "camera.look_at": null, "camera.up": [0.0, 1.0, 0.0], "camera.fov": 40.0, "camera.key": [],
             "sky.kind": "analytic", "sky.visible": true,
@@ -205,11 +206,32 @@ mod tests {
     }
 
     #[test]
+    fn a_potential_of_foam_grows_from_its_first_limit_to_its_second() {
+        let scene = good("[foam]\nwindow = 12\nlimits = { crest = [0.5, 2.0] }\nrate = { vorticity = 0.0 }\n", &[]);
+        assert_eq!((scene.foam.window, scene.foam.limits.crest, scene.foam.rate.vorticity), (12, [0.5, 2.0], 0.0));
+        assert_eq!(
+            scene.foam.limits.depth,
+            crate::scene::FoamLimits::default().depth,
+            "keys beside it keep their defaults"
+        );
+        for limits in ["[2.0, 2.0]", "[3.0, 2.0]"] {
+            let told = messages(COMPLETE, &[&format!("foam.limits.energy={limits}")]);
+            assert!(
+                told.len() == 1 && told[0].contains("foam.limits.energy") && told[0].contains("second above"),
+                "{told:?}"
+            );
+        }
+        assert!(messages(COMPLETE, &["foam.lifetime=0"])[0].contains("foam.lifetime"));
+    }
+
+    #[test]
     fn every_fixed_name_is_taken() {
         for (key, names) in [
             ("surface.representation", &["quads", "tessellated", "spline"][..]),
             ("surface.solver", &["univariate", "newton", "report", "bezier-clip", "reference"]),
             ("water.fresnel", &["exact", "schlick"]),
+            ("water.phase", &["henyey-greenstein", "two-lobe", "pure"]),
+            ("sky.kind", &["analytic", "preetham", "constant"]),
             ("particles.representation", &["spheres"]),
             ("accel.water", &["embree", "columns", "brute"]),
             ("accel.objects", &["embree", "bsp", "bsp-sah", "bsp-report", "brute"]),
@@ -446,6 +468,24 @@ eye = [0, 0, 0]
         let water = good(text, &["water.r0=0.5", "water.highlight=none"]).water;
         assert_eq!((water.fresnel, water.r0, water.highlight), (Fresnel::Exact, Some(0.5), Highlight::None));
         assert_eq!((water.diffuse, water.specular), ([0.0; 3], [0.7, 0.7, 0.8]));
+    }
+
+    #[test]
+    fn named_waters_fill_in_what_is_not_given() {
+        let names = "pure jerlov-i jerlov-ia jerlov-ib jerlov-ii jerlov-iii jerlov-1c jerlov-3c jerlov-5c jerlov-7c \
+                     jerlov-9c premoze-i premoze-ii premoze-iii premoze-1 premoze-3 premoze-5 premoze-7 premoze-9 river harbour";
+        for name in names.split_whitespace() {
+            let water = good("", &[&format!("water.preset={name}")]).water;
+            let values = water.preset.and_then(WaterPreset::coefficients).expect("coefficients");
+            assert_eq!((water.absorption, water.scattering), (values.absorption, values.scattering), "{name}");
+            assert_eq!((water.phase == PhaseKind::Pure, water.ior), (name == "pure", 1.333), "{name}");
+            let given = ["water.scattering=[1, 2, 3]", "water.phase=two-lobe"];
+            let water = good("", &[&format!("water.preset={name}"), given[0], given[1]]).water;
+            assert_eq!((water.absorption, water.scattering), (values.absorption, [1.0, 2.0, 3.0]), "{name}");
+            assert_eq!(water.phase, PhaseKind::TwoLobe);
+        }
+        assert_eq!(names.split_whitespace().count() + 1, crate::scene::names_of("water.preset").len());
+        assert!(messages(COMPLETE, &["water.preset=jerlov-4"])[0].contains("the nearest is `jerlov-"));
     }
 
     #[test]

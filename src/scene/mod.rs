@@ -5,16 +5,24 @@
 mod check;
 mod document;
 mod errors;
+mod foam;
 mod load;
 mod overrides;
+mod rendering;
 mod rules;
 mod shape;
 mod simulation;
 mod types;
+mod water;
+mod water_types;
 
 pub use errors::{Place, SceneError, SceneErrors};
+pub use foam::{Foam, FoamLimits, FoamRate};
 pub use load::{LoadedScene, MOST_BYTES, load};
 pub use overrides::Override;
+pub use rendering::*;
 pub use shape::{names_of, schema};
 pub use simulation::*;
 pub use types::*;
+pub use water::*;
+pub use water_types::{Coefficients, WAVELENGTHS, absorption_of, diffuse_attenuation};

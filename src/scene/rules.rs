@@ -4,30 +4,36 @@ mod simulation;
 
 use std::collections::HashMap;
 
+use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::document::Node;
 use super::errors::SceneError;
-use super::{Representation, Scene, SkyKind, SolverKind, WaterAccel};
+use super::{Caustics, Coefficients, PhaseKind, Representation, Scene, SkyKind, SolverKind, WaterAccel, WaterPreset};
 
 /// Schlick's reflectance of water at normal incidence in the report's preset: ((1.333 - 1) / (1.333 + 1))^2, rounded.
 const REPORT_R0: f64 = 0.02;
 
-/// Fills in the keys of `water.preset` that were not given (the report's table 4.1).
+/// Fills in the keys of `water.preset` that were not given.
 pub(super) fn apply_presets(scene: &mut Value) {
-    if scene["water"]["preset"] != "report" {
-        return;
-    }
-    let Some(water) = scene["water"].as_object_mut() else { return };
-    let values = json!({
-        "diffuse": [0.1, 0.1, 0.3],
-        "specular": [0.7, 0.7, 0.8],
-        "highlight": "phong",
-        "phong_exponent": 1000.0,
-        "absorption": [0.34, 0.05, 0.009],
-        "fresnel": "schlick",
-        "r0": REPORT_R0,
-    });
+    let Some(water) = scene.get_mut("water").and_then(Value::as_object_mut) else { return };
+    let Some(preset) = water.get("preset").and_then(|name| WaterPreset::deserialize(name).ok()) else { return };
+    let values = match preset.coefficients() {
+        Some(Coefficients { absorption, scattering }) => {
+            let phase = if preset == WaterPreset::Pure { PhaseKind::Pure } else { PhaseKind::default() };
+            json!({ "absorption": absorption, "scattering": scattering, "phase": phase })
+        }
+        // The report's table 4.1.
+        None => json!({
+            "diffuse": [0.1, 0.1, 0.3],
+            "specular": [0.7, 0.7, 0.8],
+            "highlight": "phong",
+            "phong_exponent": 1000.0,
+            "absorption": [0.34, 0.05, 0.009],
+            "fresnel": "schlick",
+            "r0": REPORT_R0,
+        }),
+    };
     for (key, value) in values.as_object().into_iter().flatten() {
         water.entry(key).or_insert_with(|| value.clone());
     }
@@ -43,7 +49,10 @@ pub(super) fn check(scene: &Scene, root: &Node, known: &[SceneError]) -> Vec<Sce
     rules.camera(scene);
     rules.sky(scene);
     rules.sun(scene);
+    rules.lights(scene);
+    rules.caustics(scene);
     rules.accelerators(scene);
+    rules.foam(scene);
     if let Some(simulation) = &scene.simulation {
         rules.simulation(simulation);
     }
@@ -111,6 +120,24 @@ impl Rules<'_> {
         }
     }
 
+    /// A potential grows from its first limit to its second.
+    fn foam(&mut self, scene: &Scene) {
+        let limits = &scene.foam.limits;
+        for (name, [least, most]) in [
+            ("convergence", limits.convergence),
+            ("vorticity", limits.vorticity),
+            ("pressure", limits.pressure),
+            ("crest", limits.crest),
+            ("energy", limits.energy),
+            ("depth", limits.depth),
+        ] {
+            let key = format!("foam.limits.{name}");
+            if least >= most && self.sound(&[&key]) {
+                self.inconsistent(&key, "two limits, the second above the first");
+            }
+        }
+    }
+
     /// A path that is given is not empty.
     fn paths(&mut self, scene: &Scene) {
         let sky = &scene.sky;
@@ -175,7 +202,7 @@ impl Rules<'_> {
                 ("sky.above", &sky.above, "the texture of the sky, since sky.kind is \"skybox\""),
                 ("sky.below", &sky.below, "the texture of the ground, since sky.kind is \"skybox\""),
             ],
-            SkyKind::Analytic | SkyKind::Constant => &[],
+            SkyKind::Analytic | SkyKind::Preetham | SkyKind::Constant => &[],
         };
         for (key, path, expected) in needs {
             if path.is_none() && self.sound(&[key, "sky.kind"]) {
@@ -199,6 +226,27 @@ impl Rules<'_> {
             solver.name()
         );
         self.inconsistent("accel.water", expected);
+    }
+
+    fn caustics(&mut self, scene: &Scene) {
+        let plain = scene.surface.representation == Representation::Spline && scene.surface.displacement.is_none();
+        let wanted = scene.render.caustics.is_some_and(|caustics| caustics != Caustics::Off);
+        if wanted && !plain && self.sound(&["render.caustics", "surface.representation", "surface.displacement"]) {
+            let expected = "off, or surface.representation = \"spline\" without surface.displacement: light is followed \
+                            through the plain spline";
+            self.inconsistent("render.caustics", expected);
+        }
+    }
+
+    fn lights(&mut self, scene: &Scene) {
+        for (index, light) in scene.light.iter().enumerate() {
+            let group = &light.group;
+            let plain = !group.is_empty() && group.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+            if !plain {
+                let expected = "letters, digits and underscores: it becomes the layer light_<group>";
+                self.inconsistent(&format!("light.{index}.group"), expected);
+            }
+        }
     }
 
     fn sun(&mut self, scene: &Scene) {

@@ -55,6 +55,8 @@ pub struct Simulation {
     pub pressure: Vec<PressedRegion>,
     /// Water that breaks free.
     pub spray: SpraySettings,
+    /// Whether foam is made as `[foam]` says, carried from step to step, and written in the frames (NPZ; text has no place for it).
+    pub foam: bool,
 }
 impl Default for Simulation {
     fn default() -> Self {
@@ -77,6 +79,7 @@ impl Default for Simulation {
             sink: Vec::new(),
             pressure: Vec::new(),
             spray: SpraySettings::default(),
+            foam: false,
         }
     }
 }

@@ -7,7 +7,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Simulation;
+use super::{Foam, Light, Render, Simulation, Water};
 
 /// A whole scene file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -21,6 +21,8 @@ pub struct Scene {
     pub surface: Surface,
     /// What water does to light.
     pub water: Water,
+    /// Where water is white.
+    pub foam: Foam,
     /// Spray.
     pub particles: Particles,
     /// The look of the bed and the banks.
@@ -31,7 +33,7 @@ pub struct Scene {
     pub sky: Sky,
     /// The sun.
     pub sun: Sun,
-    /// Point lights.
+    /// Lamps.
     pub light: Vec<Light>,
     /// Size, samples, integrator.
     pub render: Render,
@@ -211,90 +213,6 @@ impl Default for Surface {
     }
 }
 
-/// Reflectance of the water's surface, by name.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Fresnel {
-    /// The dielectric's Fresnel equations, unpolarised.
-    #[default]
-    Exact,
-    /// Schlick 1994.
-    Schlick,
-}
-
-/// The sun's mirror image on the water.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Highlight {
-    /// A GGX lobe of `water.roughness`.
-    #[default]
-    Ggx,
-    /// Phong's lobe of `water.phong_exponent` (the report's table 4.1).
-    Phong,
-    /// No highlight.
-    None,
-}
-
-/// A named set of water properties.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum WaterPreset {
-    /// The report's table 4.1: diffuse, specular, Phong 1000, Schlick with `r0`.
-    Report,
-}
-
-/// `[water]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Water {
-    /// Start from a named set; keys given beside it still win.
-    pub preset: Option<WaterPreset>,
-    /// Index of refraction.
-    #[schemars(range(min = 1.0, max = 4.0))]
-    pub ior: f64,
-    /// Absorption per metre: red, green, blue.
-    #[schemars(inner(range(min = 0.0, max = 1000000.0)))]
-    pub absorption: [f64; 3],
-    /// `exact` or `schlick`.
-    pub fresnel: Fresnel,
-    /// Schlick's reflectance at normal incidence; by default ((n-1)/(n+1))^2.
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub r0: Option<f64>,
-    /// Diffuse reflectance of the surface itself (0: clear water).
-    #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub diffuse: [f64; 3],
-    /// Scale of the mirror reflection and of the highlight.
-    #[schemars(inner(range(min = 0.0, max = 1.0)))]
-    pub specular: [f64; 3],
-    /// `ggx`, `phong` or `none`.
-    pub highlight: Highlight,
-    /// GGX roughness (alpha) of the sun's highlight.
-    #[schemars(range(min = 0.0001, max = 1.0))]
-    pub roughness: f64,
-    /// Exponent of the Phong highlight.
-    #[schemars(range(min = 1.0, max = 1000000.0))]
-    pub phong_exponent: f64,
-    /// Whether the water is there at all.
-    pub visible: bool,
-}
-impl Default for Water {
-    fn default() -> Self {
-        Self {
-            preset: None,
-            ior: 1.333,
-            absorption: [0.34, 0.05, 0.009],
-            fresnel: Fresnel::Exact,
-            r0: None,
-            diffuse: [0.0; 3],
-            specular: [1.0; 3],
-            highlight: Highlight::Ggx,
-            roughness: 0.03,
-            phong_exponent: 1000.0,
-            visible: true,
-        }
-    }
-}
-
 /// How spray is drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -422,9 +340,12 @@ pub struct Camera {
     /// Distance in focus (m); by default the distance to `look_at`.
     #[schemars(range(min = 0.000001, max = 1000000000000.0))]
     pub focus: Option<f64>,
-    /// Exposure time in fractions of a frame (recorded in the picture).
+    /// Exposure time in fractions of a frame (recorded in the picture); the shutter opens at the frame's own time.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub shutter: f64,
+    /// Moments of the exposure at which water, spray and camera are taken; 1 is no motion blur.
+    #[schemars(range(min = 1, max = 64))]
+    pub motion_steps: u32,
     /// A path: keys by frame, smooth in position and direction.
     pub key: Vec<CameraKey>,
 }
@@ -438,6 +359,7 @@ impl Default for Camera {
             f_number: 0.0,
             focus: None,
             shutter: 0.5,
+            motion_steps: 1,
             key: Vec::new(),
         }
     }
@@ -450,6 +372,8 @@ pub enum SkyKind {
     /// An analytic daylight sky for the sun's place.
     #[default]
     Analytic,
+    /// The same by the formulas of Preetham, Shirley and Smits (1999), to compare with: no twilight.
+    Preetham,
     /// Two textures: sky above, ground below (the report's 4.3, filtered).
     Skybox,
     /// A latitude-longitude image (.hdr or .exr).
@@ -462,7 +386,7 @@ pub enum SkyKind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sky {
-    /// `analytic`, `skybox`, `latlong` or `constant`.
+    /// `analytic`, `preetham`, `skybox`, `latlong` or `constant`.
     pub kind: SkyKind,
     /// Whether the camera sees it; if not, A is 0 there. It lights the scene either way.
     pub visible: bool,
@@ -472,10 +396,10 @@ pub struct Sky {
     /// Factor on whatever the sky is.
     #[schemars(range(min = 0.0, max = 1000000.0))]
     pub scale: f64,
-    /// Haze of the analytic sky (Preetham's turbidity).
+    /// Haze of the analytic sky, and of Preetham's (his turbidity).
     #[schemars(range(min = 1.7, max = 10.0))]
     pub turbidity: f64,
-    /// Albedo of the ground below the analytic sky's horizon.
+    /// Albedo of the ground below the analytic sky's horizon, and below that of Preetham's.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub ground_albedo: [f64; 3],
     /// The latlong image, relative to the scene file.
@@ -525,79 +449,6 @@ pub struct Sun {
 impl Default for Sun {
     fn default() -> Self {
         Self { elevation: 35.0, azimuth: 130.0, irradiance: 2.2, color: None }
-    }
-}
-
-/// `[[light]]`: a point light.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Light {
-    /// Position (m).
-    #[schemars(inner(range(min = -1000000000000.0, max = 1000000000000.0)))]
-    pub position: [f64; 3],
-    /// Radiant intensity (power per steradian): red, green, blue.
-    #[schemars(inner(range(min = 0.0, max = 1000000000000.0)))]
-    pub intensity: [f64; 3],
-}
-
-/// How light is followed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Integrator {
-    /// Whitted 1980: mirror, refraction, shadows; free of noise.
-    #[default]
-    Whitted,
-}
-
-/// Reconstruction filters by name.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum PixelFilter {
-    /// Blackman-Harris.
-    #[default]
-    BlackmanHarris,
-    /// The pixel's own square.
-    Box,
-}
-
-/// `[render]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Render {
-    /// Pixels across.
-    #[schemars(range(min = 1, max = 65536))]
-    pub width: u32,
-    /// Pixels down.
-    #[schemars(range(min = 1, max = 65536))]
-    pub height: u32,
-    /// Samples per pixel.
-    #[schemars(range(min = 1, max = 65536))]
-    pub samples: u32,
-    /// `whitted`.
-    pub integrator: Integrator,
-    /// Seed of every sequence.
-    pub seed: u32,
-    /// How often light may be reflected or refracted on its way.
-    #[schemars(range(min = 0, max = 1000))]
-    pub depth: u32,
-    /// `blackman-harris` or `box`.
-    pub filter: PixelFilter,
-    /// Width of the filter in pixels.
-    #[schemars(range(min = 0.1, max = 16.0))]
-    pub filter_width: f64,
-}
-impl Default for Render {
-    fn default() -> Self {
-        Self {
-            width: 1280,
-            height: 720,
-            samples: 16,
-            integrator: Integrator::Whitted,
-            seed: 0,
-            depth: 8,
-            filter: PixelFilter::BlackmanHarris,
-            filter_width: 3.3,
-        }
     }
 }
 

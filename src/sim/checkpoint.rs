@@ -32,13 +32,31 @@ impl Identity {
         let shown = scene::Simulation { duration: 0.0, most_steps: 1, ..settings.clone() };
         let mut hash = Sha256::new();
         hash.update(env!("CARGO_PKG_VERSION"));
-        hash.update(serde_json::to_vec(&shown).expect("settings are plain data with string keys"));
+        let mut shown = serde_json::to_value(&shown).expect("settings are plain data with string keys");
+        if let (false, Some(keys)) = (settings.foam, shown.as_object_mut()) {
+            // Without foam a simulation is the one that it was before there was any: its checkpoints go on.
+            keys.shift_remove("foam");
+        }
+        hash.update(shown.to_string());
         hash.update(frame.to_le_bytes());
         for height in setup.base.iter().chain(&setup.depth) {
             hash.update(height.to_le_bytes());
         }
         // Debug shows every number so that it reads back to the same bits. Meshes are not among what spray bounces off.
         hash.update(format!("{:?}{:?}", setup.solids.panels, setup.solids.spheres));
+        Self::of(hash)
+    }
+
+    /// The same simulation with foam, in columns deeper than `dry_threshold` (m). How foam is drawn is not part of it.
+    pub fn with_foam(self, settings: &scene::Foam, dry_threshold: f64) -> Self {
+        let scene::Foam { lifetime, renewal, limits, rate, .. } = settings;
+        let mut hash = Sha256::new();
+        self.0.iter().for_each(|word| hash.update(word.to_le_bytes()));
+        hash.update(format!("{lifetime:?} {renewal:?} {limits:?} {rate:?} {dry_threshold:?}"));
+        Self::of(hash)
+    }
+
+    fn of(hash: Sha256) -> Self {
         let bytes: [u8; 32] = hash.finalize().into();
         let (words, _) = bytes.as_chunks();
         Self([0, 1, 2, 3].map(|i| u64::from_le_bytes(words[i])))
@@ -80,7 +98,7 @@ impl Checkpoint {
     /// # Errors
     /// What the system says.
     pub fn save(&self, path: &Path) -> Result<(), SimError> {
-        let SimulatorState { time, depth, pipes, spray, turbulence, ledger } = &self.state;
+        let SimulatorState { time, depth, pipes, spray, turbulence, foam, ledger } = &self.state;
         write_arrays(path, |archive| {
             // It is replaced after each frame: time matters, size does not.
             archive.pack(Packing::Stored);
@@ -94,6 +112,9 @@ impl Checkpoint {
             floats(archive, "depth", depth)?;
             floats(archive, "pipes", pipes)?;
             floats(archive, "turbulence", turbulence)?;
+            if !foam.is_empty() {
+                floats(archive, "foam", foam)?;
+            }
             if let Some(spray) = spray {
                 save_spray(archive, spray)?;
             }
@@ -129,6 +150,7 @@ impl Checkpoint {
             depth: archive.floats("depth")?,
             pipes: archive.floats("pipes")?,
             turbulence: archive.floats("turbulence")?,
+            foam: if archive.holds("foam") { archive.floats("foam")? } else { Vec::new() },
             spray: if archive.holds("spray_mass") { Some(load_spray(&mut archive)?) } else { None },
             ledger: Ledger {
                 entered: Sum::from_parts([entered, entered_dropped]),
@@ -318,12 +340,13 @@ mod tests {
                 counts: SprayCounts { shed: 1, absorbed: 2, left: 3, refused: 4 },
             }),
             turbulence: vec![0.25; 24],
+            foam: vec![0.5, 0.0, -0.25],
             ledger: Ledger { entered: Sum::from_parts([1.0, 1e-17]), left: Sum::from_parts([0.5, -1e-18]) },
         };
         let directory = tempfile::tempdir().unwrap();
         let path = Checkpoint::path(directory.path());
         let identity = Identity::new(&setup(&settings()), &settings(), 0.1);
-        for state in [SimulatorState { spray: None, ..state.clone() }, state] {
+        for state in [SimulatorState { spray: None, foam: Vec::new(), ..state.clone() }, state] {
             let files = "zeit_é###.state".to_owned();
             let checkpoint = Checkpoint { identity, files: files.clone(), frames: 7, settled: 3, state };
             checkpoint.save(&path).unwrap();
@@ -347,6 +370,15 @@ mod tests {
         assert_ne!(identity(&|settings| settings.spray.volume = Some(1.0)), one);
         assert_ne!(identity(&|settings| settings.water.depth = Some(0.25)), one);
         assert_ne!(Identity::new(&setup(&plain), &plain, 0.2), one);
+        let foam = |change: &dyn Fn(&mut scene::Foam)| {
+            let mut foam = scene::Foam::default();
+            change(&mut foam);
+            one.with_foam(&foam, 0.001)
+        };
+        assert_ne!(foam(&|_| ()), one);
+        assert_ne!(foam(&|foam| foam.limits.crest = [0.5, 9.0]), foam(&|_| ()));
+        assert_ne!(foam(&|foam| foam.lifetime = 3.0), foam(&|_| ()));
+        assert_eq!(foam(&|foam| foam.albedo = [0.5; 3]), foam(&|_| ()));
         let mut raised = setup(&plain);
         raised.base[5] += 1e-12;
         assert_ne!(Identity::new(&raised, &plain, 0.1), one);

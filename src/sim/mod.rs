@@ -7,6 +7,7 @@
 pub mod analytic;
 mod checkpoint;
 mod error;
+mod foam;
 mod grid;
 mod ledger;
 mod regions;

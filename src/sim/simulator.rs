@@ -9,6 +9,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::foam::CarriedFoam;
 use super::ledger::{Balance, Ledger};
 use super::spray::{Spray, SprayCounts, SprayState};
 use super::turbulence::Turbulence;
@@ -26,7 +27,7 @@ pub struct Phases {
     pub water: f64,
     /// Particles.
     pub spray: f64,
-    /// Turbulence and aeration.
+    /// Turbulence, aeration and foam.
     pub turbulence: f64,
 }
 
@@ -89,6 +90,8 @@ pub struct SimulatorState {
     pub spray: Option<SprayState>,
     /// Turbulence and aeration, in their own order.
     pub turbulence: Vec<f64>,
+    /// Foam, in its own order; empty without.
+    pub foam: Vec<f64>,
     /// What entered and left.
     pub ledger: Ledger,
 }
@@ -99,6 +102,7 @@ pub struct Simulator {
     water: Water,
     spray: Option<Spray>,
     turbulence: Turbulence,
+    foam: Option<CarriedFoam>,
     ledger: Ledger,
     time: f64,
     /// The longest step that the scene allows (s).
@@ -153,6 +157,7 @@ impl Simulator {
         ledger.book(water.volume());
         let mut this = Self {
             turbulence: Turbulence::new(grid.count()),
+            foam: None,
             water,
             spray,
             ledger,
@@ -169,6 +174,12 @@ impl Simulator {
         };
         this.hold(this.time);
         Ok(this)
+    }
+
+    /// The same with foam, in columns deeper than `dry_threshold` (m).
+    pub fn with_foam(mut self, settings: &scene::Foam, dry_threshold: f64) -> Self {
+        self.foam = Some(CarriedFoam::new(settings, dry_threshold, &self.setup.grid, self.time));
+        self
     }
 
     /// Simulated time (s); frame 0 is at 0.
@@ -216,6 +227,9 @@ impl Simulator {
             self.step(step);
             // Set, not added: no rounding of the steps before it shows in a frame's time.
             self.time = if last { time } else { self.time + step };
+            if let (true, Some(foam)) = (last, &mut self.foam) {
+                foam.settle(&self.water, &self.sink, self.time);
+            }
             observe(Moment { time: self.time, steps: self.work.steps, particles: self.particles() });
         }
         self.check_finite()?;
@@ -257,6 +271,9 @@ impl Simulator {
         // After the spray, whose impacts it needs: so they are no state of their own.
         let impacts = self.spray.as_ref().map_or(&[][..], Spray::impacts);
         self.turbulence.step(&self.water, dt, impacts);
+        if let Some(foam) = &mut self.foam {
+            foam.step(&self.water, impacts, &self.sink, dt);
+        }
         let work = &mut self.work;
         work.steps += 1;
         work.least_step = work.least_step.min(dt);
@@ -360,8 +377,10 @@ impl Simulator {
     }
 
     /// The maps that a frame carries besides; what they mean is in [`crate::state::maps`].
-    pub fn maps(&self) -> [(&'static str, Vec<f32>); 3] {
-        self.turbulence.maps(&self.water)
+    pub fn maps(&self) -> Vec<(&'static str, Vec<f32>)> {
+        let mut maps = self.turbulence.maps(&self.water).to_vec();
+        maps.extend(self.foam.iter().flat_map(CarriedFoam::arrays));
+        maps
     }
 
     /// All that the next step depends on.
@@ -372,6 +391,7 @@ impl Simulator {
             pipes: self.water.pipes(),
             spray: self.spray.as_ref().map(Spray::state),
             turbulence: self.turbulence.state(),
+            foam: self.foam.as_ref().map(CarriedFoam::state).unwrap_or_default(),
             ledger: self.ledger,
         }
     }
@@ -389,6 +409,9 @@ impl Simulator {
         if let (Some(spray), Some(state)) = (&mut self.spray, state.spray)
             && !spray.set_state(state)
         {
+            return false;
+        }
+        if !self.foam.as_mut().map_or(state.foam.is_empty(), |foam| foam.set_state(&state.foam)) {
             return false;
         }
         for (column, depth) in state.depth.into_iter().enumerate() {

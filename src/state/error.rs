@@ -16,6 +16,22 @@ pub enum StateError {
     /// The caller's dry threshold is not a finite length of at least zero.
     #[error("dry threshold {0} m: expected a finite length, at least 0")]
     DryThreshold(f64),
+    /// A moment that does not lie between two frames.
+    #[error("{0} of a frame: expected a share from 0 to 1")]
+    Share(f64),
+    /// A rate at which no frame follows another.
+    #[error("{0} frames per second: expected a positive, finite rate")]
+    Fps(f64),
+    /// Two frames whose columns are not the same columns.
+    #[error("{what} {now} and {next}: expected two frames of the same columns")]
+    Grids {
+        /// Which line of a frame differs: `columns`, `width` or `origin`.
+        what: &'static str,
+        /// What it says in the frame.
+        now: String,
+        /// What it says in the next.
+        next: String,
+    },
     /// A frame pattern that does not say which files are meant.
     #[error("frames `{pattern}`: {expected}")]
     Pattern {

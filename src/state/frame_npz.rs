@@ -166,7 +166,7 @@ fn require(
 }
 
 /// Element `flat` (C order) of an array of this shape.
-fn element(name: &str, shape: &[u64], flat: usize) -> Place {
+pub(super) fn element(name: &str, shape: &[u64], flat: usize) -> Place {
     let mut index = vec![0; shape.len()];
     let mut rest = flat as u64;
     for axis in (0..shape.len()).rev() {
@@ -233,7 +233,7 @@ pub fn write_frame_npz(frame: &Frame, writer: impl Write + Seek) -> Result<(), S
     write(frame, &[], Packing::Small, writer)
 }
 
-/// As [`write_frame_npz`], with maps (nz, nx) beside the frame's own arrays, packed as the caller says.
+/// As [`write_frame_npz`], with maps (nz, nx) and single numbers beside the frame's own arrays, packed as the caller says.
 pub(super) fn write(
     frame: &Frame,
     maps: &[(&str, &[f32])],
@@ -245,11 +245,14 @@ pub(super) fn write(
     let Particles { position, velocity, mass, age, id } = &frame.particles;
     let (nx, nz, n) = (*nx as u64, *nz as u64, position.len() as u64);
     let map = [nz, nx];
+    // A map has at least 9 columns: one value alone is a number.
+    let shape = |values: &[f32]| -> &[u64] { if values.len() == 1 { &[] } else { &map } };
     for (name, values) in maps {
         assert!(!OURS.contains(name), "a map cannot take the name of the frame's own array {name}");
-        assert_eq!(values.len(), base.len(), "the map {name} and the columns differ in length");
+        let fits = values.len() == base.len() || values.len() == 1;
+        assert!(fits, "the map {name} has {} values, there are {} columns", values.len(), base.len());
         if let Some(i) = values.iter().position(|value| !value.is_finite()) {
-            let problem = Problem::new(element(name, &map, i), values[i].to_string(), "a finite number");
+            let problem = Problem::new(element(name, shape(values), i), values[i].to_string(), "a finite number");
             return Err(StateError::Unwritable(problem));
         }
     }
@@ -263,7 +266,7 @@ pub(super) fn write(
     floats(&mut archive, "pressure", &map, pressure)?;
     floats(&mut archive, "flow", &[nz, nx, 2], flow.as_flattened())?;
     for (name, values) in maps {
-        archive.array(name, &map, values.iter().copied())?;
+        archive.array(name, shape(values), values.iter().copied())?;
     }
     // Places and speeds of spray are noise, which deflate shrinks by a tenth in most of the time that it takes.
     archive.pack(if packing == Packing::Quick { Packing::Stored } else { packing });

@@ -1,6 +1,6 @@
 //! The extra arrays of an NPZ that this project documents: what they mean, and how `inspect` knows them.
 //!
-//! All of them are maps (nz, nx), optional, and not read by `render`. Whoever brings an array of one of these names that
+//! All of them are maps (nz, nx) and optional; only those of foam are read by `render` (see `foam`). Whoever brings an array of one of these names that
 //! is no such map keeps it: then it is an array like any other.
 
 use serde::Serialize;
@@ -20,7 +20,7 @@ pub struct KnownMap {
 }
 
 /// Every documented map.
-pub const KNOWN: [KnownMap; 3] = [
+pub const KNOWN: [KnownMap; 8] = [
     KnownMap { name: "vorticity", unit: "1/s", meaning: "curl of the flow about the vertical" },
     KnownMap {
         name: "turbulence",
@@ -28,6 +28,11 @@ pub const KNOWN: [KnownMap; 3] = [
         meaning: "root mean square of one component of the turbulent velocity",
     },
     KnownMap { name: "aeration", unit: "", meaning: "share of air in the water's volume, 0 to 1" },
+    KnownMap { name: "foam", unit: "", meaning: "share of the column's area under foam, 0 to 1" },
+    KnownMap { name: "foam_x0", unit: "m", meaning: "from x to the foam's pattern, layer 0" },
+    KnownMap { name: "foam_z0", unit: "m", meaning: "from z to the foam's pattern, layer 0" },
+    KnownMap { name: "foam_x1", unit: "m", meaning: "from x to the foam's pattern, layer 1" },
+    KnownMap { name: "foam_z1", unit: "m", meaning: "from z to the foam's pattern, layer 1" },
 ];
 
 /// A documented map in figures.

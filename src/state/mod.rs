@@ -12,8 +12,10 @@ pub mod maps;
 pub mod summary;
 
 mod arrays;
+mod between;
 mod check;
 mod error;
+mod foam;
 mod frame_npz;
 mod frame_text;
 mod lines;
@@ -24,8 +26,10 @@ mod sequence;
 mod whole_file;
 
 pub use arrays::{ArchiveWriter, Packing, write_arrays};
+pub use between::{between, carried_on};
 pub use check::MAX_ROWS;
 pub use error::{MAX_LISTED, Place, Problem, StateError};
+pub use foam::{FoamArrays, StoredFoam, read_foam};
 pub use frame_npz::write_frame_npz;
 pub use frame_text::write_frame_text;
 pub use model_text::write_model;
@@ -123,7 +127,7 @@ pub fn save_frame(frame: &Frame, path: impl AsRef<Path>, encoding: Encoding) -> 
     })
 }
 
-/// As [`save_frame`], with extra maps (nz, nx), f4, which text has no place for; an archive is packed as `packing` says.
+/// As [`save_frame`], with extra maps (nz, nx) and single numbers, f4, which text has no place for; an archive is packed as `packing` says.
 /// What the documented maps mean is in [`maps`].
 ///
 /// # Errors

@@ -215,7 +215,7 @@ pub fn basis(order: usize, u: f64) -> ([f64; 4], [f64; 4]) {
 }
 
 /// One row of order `order` from B-spline heights to Bézier heights over the cell.
-pub(super) fn to_bezier(order: usize, h: [f64; 4]) -> [f64; 4] {
+pub fn to_bezier(order: usize, h: [f64; 4]) -> [f64; 4] {
     match order {
         2 => h,
         3 => [0.5 * (h[0] + h[1]), h[1], 0.5 * (h[1] + h[2]), 0.0],

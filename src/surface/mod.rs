@@ -19,7 +19,7 @@ mod walk;
 pub use brute::BruteSurface;
 pub use displaced::{BruteDisplaced, DisplacedSurface};
 pub use lanes::{LANES, LaneHits, LaneRays, LaneSurface, SingleAnswer, SingleHit, SingleRay, SurfacePoint};
-pub use lattice::{Lattice, LatticeError, basis};
+pub use lattice::{Lattice, LatticeError, basis, to_bezier};
 pub use sides::Sides;
 pub(crate) use solve::report as report_solver;
 pub use spline::SplineSurface;

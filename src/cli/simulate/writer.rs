@@ -23,7 +23,7 @@ pub(super) struct Job {
 pub(super) struct FrameFile {
     pub(super) number: u64,
     pub(super) frame: Frame,
-    pub(super) maps: [(&'static str, Vec<f32>); 3],
+    pub(super) maps: Vec<(&'static str, Vec<f32>)>,
     pub(super) path: PathBuf,
 }
 
@@ -54,7 +54,7 @@ impl Writer {
                 let clock = Instant::now();
                 let mut done = None;
                 if let Some(FrameFile { number, frame, maps, path }) = &job.frame {
-                    let maps = maps.each_ref().map(|(name, values)| (*name, values.as_slice()));
+                    let maps: Vec<_> = maps.iter().map(|(name, values)| (*name, values.as_slice())).collect();
                     state::save_frame_with(frame, &maps, path, encoding, Packing::Quick)?;
                     done = Some((*number, std::fs::metadata(path).map_or(0, |metadata| metadata.len())));
                 }

@@ -135,7 +135,7 @@ fn the_far_ground_has_the_radiance_of_its_albedo_in_the_light_there_is() {
 #[test]
 fn scale_multiplies_every_kind() {
     let sun = scene::Sun::default();
-    for kind in [scene::SkyKind::Analytic, scene::SkyKind::Constant] {
+    for kind in [scene::SkyKind::Analytic, scene::SkyKind::Preetham, scene::SkyKind::Constant] {
         let one = build(&scene::Sky { kind, ..Default::default() }, &sun);
         let three = build(&scene::Sky { kind, scale: 3.0, ..Default::default() }, &sun);
         for d in directions(50) {
@@ -225,4 +225,36 @@ fn images_that_are_not_there_are_named() {
     let skybox = scene::Sky { kind: scene::SkyKind::Skybox, above: Some("no-such.png".into()), ..Default::default() };
     let error = Sky::build(&skybox, &sun, Path::new("some/folder")).unwrap_err().to_string();
     assert!(error.contains("no-such.png") && error.contains("folder"), "{error}");
+}
+
+#[test]
+fn preethams_sky_is_as_bright_as_the_other_and_has_its_ground() {
+    let (sky, sun) = (scene::Sky { kind: scene::SkyKind::Preetham, ..Default::default() }, scene::Sun::default());
+    let (built, light) = (build(&sky, &sun), Sun::build(&sun, &sky));
+    let level = level_card(&built) + light.irradiance * light.direction.y;
+    assert!((level / std::f32::consts::PI - 1.0).abs().max_element() < 2e-3, "{level}");
+    // Blue overhead, brighter towards the sun, light at the horizon.
+    let zenith = built.radiance(Vec3::Y);
+    assert!(zenith.z > 1.3 * zenith.x, "{zenith}");
+    let at = |elevation, turn| built.radiance(direction(elevation, sun.azimuth + turn)).y;
+    assert!(at(sun.elevation + 4.0, 0.0) > 2.0 * at(sun.elevation, 90.0) && at(20.0, 0.0) > 1.5 * at(20.0, 180.0));
+    assert!(at(0.5, 90.0) > 1.2 * zenith.y);
+    // The ground under it has its albedo's radiance, without air between.
+    let lit = built.irradiance(Vec3::Y) + light.irradiance * light.direction.y;
+    let albedo = Vec3::from_array(sky.ground_albedo.map(|a| a as f32));
+    let down = built.radiance(direction(-30.0, 10.0));
+    assert!((down - albedo * lit / std::f32::consts::PI).abs().max_element() < 2e-3, "{down}");
+    for turbidity in [1.7, 3.0, 10.0] {
+        for elevation in [90.0, 35.0, 3.0, 0.0, -1.0, -12.0, -60.0] {
+            let sky = scene::Sky { turbidity, ..sky.clone() };
+            let built = build(&sky, &scene::Sun { elevation, ..Default::default() });
+            for d in directions(400).chain([Vec3::X, -Vec3::Z, Vec3::Y, -Vec3::Y]) {
+                let radiance = built.radiance(d);
+                assert!(
+                    radiance.is_finite() && radiance.min_element() >= 0.0,
+                    "{turbidity} {elevation} {d}: {radiance}"
+                );
+            }
+        }
+    }
 }

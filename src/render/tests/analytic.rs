@@ -181,7 +181,7 @@ fn sunlit_card_in_shade_and_out_of_it() {
 fn lamp_falls_with_the_square_of_its_distance() {
     let mut scene = uniform(0.0, 1);
     scene.render.samples = 1;
-    scene.light = vec![crate::scene::Light { position: [1.5, 2.0, 0.0], intensity: [10.0, 5.0, 1.0] }];
+    scene.light = vec![crate::scene::Light::point([1.5, 2.0, 0.0], [10.0, 5.0, 1.0])];
     let parts = vec![part("panel_0", Material::Diffuse(Vec3::splat(0.6)), mesh(level(0.0, 50.0)))];
     let (picture, _) = Setup::new(scene, parts, [0.0, 1.0, 2.0], [0.0; 3]).render();
     let expected = 0.6 / std::f32::consts::PI * 10.0 * (2.0 / 2.5) / 6.25;
@@ -221,6 +221,8 @@ fn sun_through_the_surface_carries_the_refracted_sun() {
     // The same from below: radiance in water over n^2, integrated over the picture, is the beam that came through.
     let mut scene = uniform(0.0, 96);
     scene.water.absorption = [0.0; 3];
+    // The lobe is about a pixel wide.
+    scene.render.samples = 64;
     scene.sun = crate::scene::Sun { elevation: 55.0, azimuth: 180.0, irradiance: 1.0, color: Some([1.0; 3]) };
     scene.camera.fov = 50.0;
     let below = fresnel::refract(-towards_sun(55.0, 180.0), Vec3::Y, 1.0, 1.333).unwrap();
@@ -240,4 +242,38 @@ fn sun_through_the_surface_carries_the_refracted_sun() {
     let cosine = 55.0_f64.to_radians().sin();
     let expected = cosine * (1.0 - f64::from(fresnel::reflectance_exact(cosine as f32, 1.0, 1.333)));
     assert!((sum - expected).abs() < 0.05 * expected, "{sum}, not {expected}");
+}
+
+#[test]
+fn foam_is_a_diffuse_share_of_the_water_and_leaves_the_rest_as_it_was() {
+    for (irradiance, cover) in [(0.0, 0.4), (0.0, 1.0), (2.2, 0.4)] {
+        let mut scene = uniform(1.0, 16);
+        lossless(&mut scene);
+        scene.camera.fov = 30.0;
+        scene.sun.irradiance = irradiance;
+        (scene.sun.elevation, scene.sun.azimuth) = (40.0, 90.0);
+        scene.water.highlight = crate::scene::Highlight::None;
+        let parts = vec![
+            part("water", Material::Water, mesh(level(0.0, 500.0))),
+            part("terrain", Material::Ground, mesh(level(-1.0, 500.0))),
+        ];
+        let mut setup = Setup::new(scene, parts, [0.0, 2.0, 3.0], [0.0; 3]);
+        setup.matter = Flat { water: Some(0.0), bed: Some(-1.0), albedo: Vec3::ONE, ..Flat::default() };
+        let (without, _) = setup.render();
+        let look = FoamLook { cover, albedo: Vec3::new(0.9, 0.8, 0.7), thickness: 0.01, density: cover };
+        setup.matter.foam = Some(look);
+        let (with, _) = setup.render();
+        let sun = Sun::build(&setup.scene.sun, &setup.scene.sky);
+        let light = Vec3::ONE + sun.irradiance * sun.direction.y * std::f32::consts::FRAC_1_PI;
+        for (channel, light) in ["R", "G", "B"].into_iter().zip((cover * look.albedo * light).to_array()) {
+            assert_all(&with, &format!("foam.{channel}"), light, 1e-5);
+            let [beauty, before] = [&with, &without].map(|picture| samples(picture, channel));
+            for (beauty, before) in beauty.iter().zip(before) {
+                // Rays that are too faint to follow see the sky in place of what they would have met.
+                assert!((beauty - light - (1.0 - cover) * before).abs() < 2e-3, "{beauty} {light} {before}");
+            }
+        }
+        assert_all(&with, "mask.foam", cover, 1e-6);
+        assert!(samples(&without, "mask.foam").iter().chain(samples(&without, "foam.G")).all(|&value| value == 0.0));
+    }
 }

@@ -1,7 +1,9 @@
 //! Whole pictures of small scenes whose light is known, and the scenes themselves.
 
 mod analytic;
+mod paths;
 mod promises;
+mod sampling;
 
 use std::{path::Path, sync::Arc, sync::atomic::AtomicBool};
 
@@ -10,10 +12,13 @@ use glam::{DVec3, Vec3};
 use super::*;
 use crate::{
     accel::{self, Accelerator},
+    foam::FoamLook,
     lower::{Lowered, Material, Part, Shape, Spheres, Triangles},
     optics::Sky,
     output::Picture,
-    scene::{Accel, ObjectsAccel, Scene, SkyKind, WaterAccel},
+    scene::{Accel, ObjectsAccel, Scene, SkyKind, SolverKind, WaterAccel},
+    simd::SimdLevel,
+    surface::{Lattice, SplineSurface},
 };
 
 /// One albedo, one particle look, level water over a level bed.
@@ -22,12 +27,13 @@ pub(super) struct Flat {
     pub(super) bed: Option<f32>,
     pub(super) albedo: Vec3,
     pub(super) spray: SprayLook,
+    pub(super) foam: Option<FoamLook>,
 }
 
 impl Default for Flat {
     fn default() -> Self {
         let spray = SprayLook { albedo: Vec3::splat(0.8), opacity: 0.7, velocity: Vec3::new(3.0, 1.0, 0.5) };
-        Self { water: None, bed: None, albedo: Vec3::splat(0.5), spray }
+        Self { water: None, bed: None, albedo: Vec3::splat(0.5), spray, foam: None }
     }
 }
 
@@ -44,6 +50,9 @@ impl Matter for Flat {
     fn bed_level(&self, _x: f32, _z: f32) -> Option<f32> {
         self.bed
     }
+    fn foam(&self, _position: Vec3, _footprint: f32) -> Option<FoamLook> {
+        self.foam
+    }
 }
 
 /// A scene with a uniform sky of radiance `sky` and no sun.
@@ -56,7 +65,17 @@ pub(super) fn uniform(sky: f64, size: u32) -> Scene {
     scene.render.height = size;
     scene.render.samples = 4;
     scene.render.depth = 16;
+    scene.accel = Accel { water: WaterAccel::Brute, objects: ObjectsAccel::Brute, ..Accel::default() };
     scene
+}
+
+/// A spline surface of order 3 over `count` x `count` columns of `width` around the origin.
+pub(super) fn waves(count: usize, width: f64, height: impl Fn(f64, f64) -> f64) -> Arc<SplineSurface> {
+    let corner = -0.5 * width * (count - 1) as f64;
+    let at = |index: usize| corner + width * index as f64;
+    let heights: Vec<f64> = (0..count * count).map(|i| height(at(i % count), at(i / count))).collect();
+    let lattice = Lattice::new(3, [count; 2], [corner; 2], [width; 2], &heights, |_| true).unwrap();
+    Arc::new(SplineSurface::new(lattice, SolverKind::Univariate, SimdLevel::detect()))
 }
 
 pub(super) fn part(name: &str, material: Material, shape: Shape) -> Part {
@@ -92,6 +111,9 @@ pub(super) fn mesh(triangles: Triangles) -> Shape {
 pub(super) struct Setup {
     pub(super) scene: Scene,
     pub(super) lowered: Lowered,
+    /// What is there at later moments of the shutter.
+    pub(super) later: Vec<Lowered>,
+    pub(super) water: Option<Arc<SplineSurface>>,
     pub(super) matter: Flat,
     pub(super) eye: [f64; 3],
     pub(super) look_at: [f64; 3],
@@ -102,7 +124,17 @@ pub(super) struct Setup {
 impl Setup {
     pub(super) fn new(scene: Scene, parts: Vec<Part>, eye: [f64; 3], look_at: [f64; 3]) -> Self {
         let lowered = Lowered { origin: DVec3::ZERO, parts };
-        Self { scene, lowered, matter: Flat::default(), eye, look_at, crop: None, threads: 1 }
+        Self {
+            scene,
+            lowered,
+            later: Vec::new(),
+            water: None,
+            matter: Flat::default(),
+            eye,
+            look_at,
+            crop: None,
+            threads: 1,
+        }
     }
 
     pub(super) fn path(&self) -> CameraPath {
@@ -112,9 +144,8 @@ impl Setup {
         CameraPath::fixed(pose, up)
     }
 
-    pub(super) fn accelerator(&self) -> Box<dyn Accelerator> {
-        let settings = Accel { water: WaterAccel::Brute, objects: ObjectsAccel::Brute, ..Accel::default() };
-        accel::build(&self.lowered, &settings, crate::simd::SimdLevel::detect()).unwrap()
+    pub(super) fn accelerator(&self, lowered: &Lowered) -> Box<dyn Accelerator> {
+        accel::build(lowered, &self.scene.accel, SimdLevel::detect()).unwrap()
     }
 
     pub(super) fn render(&self) -> (Picture, RenderStats) {
@@ -123,12 +154,24 @@ impl Setup {
 
     pub(super) fn render_until(&self, stop: &AtomicBool, observer: &dyn Observer) -> (Picture, RenderStats) {
         let sky = Sky::build(&self.scene.sky, &self.scene.sun, Path::new(".")).unwrap();
-        let (accelerator, path) = (self.accelerator(), self.path());
+        let path = self.path();
+        let all: Vec<&Lowered> = std::iter::once(&self.lowered).chain(&self.later).collect();
+        let accelerators: Vec<_> = all.iter().map(|lowered| self.accelerator(lowered)).collect();
+        let moments: Vec<Moment> = all
+            .iter()
+            .zip(&accelerators)
+            .enumerate()
+            .map(|(index, (lowered, accelerator))| Moment {
+                time: index as f64 * 0.1,
+                lowered,
+                accelerator: &**accelerator,
+                matter: &self.matter,
+                water: self.water.as_deref(),
+            })
+            .collect();
         let job = Job {
             scene: &self.scene,
-            lowered: &self.lowered,
-            accelerator: &*accelerator,
-            matter: &self.matter,
+            moments: &moments,
             sky: &sky,
             path: &path,
             frame: 7,
@@ -137,6 +180,12 @@ impl Setup {
         };
         render_frame(&job, stop, observer).unwrap()
     }
+}
+
+/// The mean of a channel.
+pub(super) fn mean(picture: &Picture, name: &str) -> f64 {
+    let values = samples(picture, name);
+    values.iter().map(|&value| f64::from(value)).sum::<f64>() / values.len() as f64
 }
 
 pub(super) fn samples<'a>(picture: &'a Picture, name: &str) -> &'a [f32] {

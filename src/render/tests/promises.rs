@@ -15,7 +15,7 @@ fn everything() -> Setup {
     scene.render.height = 70;
     scene.render.samples = 5;
     scene.camera.f_number = 8.0;
-    scene.light = vec![crate::scene::Light { position: [0.5, 1.5, 0.2], intensity: [0.4, 0.3, 0.2] }];
+    scene.light = vec![crate::scene::Light::point([0.5, 1.5, 0.2], [0.4, 0.3, 0.2])];
     let droplets = Spheres {
         center: (0..60).map(|i| Vec3::new((i % 10) as f32 * 0.2 - 1.0, 0.3 + (i / 10) as f32 * 0.1, 0.4)).collect(),
         radius: (0..60).map(|i| 0.03 + 0.001 * i as f32).collect(),
@@ -37,13 +37,16 @@ fn everything() -> Setup {
 fn layers_add_up_to_the_beauty_and_all_are_used() {
     let (picture, stats) = everything().render();
     let layers = ["reflection", "refraction", "caustics", "spray", "terrain", "sky"];
+    let groups = ["light_sun", "light_sky", "light_lamps"];
     for channel in ["R", "G", "B"] {
         for (index, &beauty) in samples(&picture, channel).iter().enumerate() {
-            let sum: f32 = layers.iter().map(|layer| samples(&picture, &format!("{layer}.{channel}"))[index]).sum();
-            assert!((sum - beauty).abs() <= 1e-5 * beauty.max(1e-3), "pixel {index}: {sum} against {beauty}");
+            for set in [&layers[..], &groups[..]] {
+                let sum: f32 = set.iter().map(|layer| samples(&picture, &format!("{layer}.{channel}"))[index]).sum();
+                assert!((sum - beauty).abs() <= 1e-5 * beauty.max(1e-3), "pixel {index}: {sum} against {beauty}");
+            }
         }
     }
-    for layer in layers {
+    for layer in layers.into_iter().chain(groups) {
         assert!(samples(&picture, &format!("{layer}.G")).iter().any(|&value| value > 1e-3), "{layer} is black");
     }
     assert!(picture.channels.iter().all(|channel| channel.samples.iter().all(|value| value.is_finite())));
@@ -93,18 +96,11 @@ fn crop_has_the_bits_of_the_full_frame_and_overscan_holds_it() {
     }
     setup.crop = Some(Window { x: 0, y: 0, width: 0, height: 5 });
     let sky = Sky::build(&setup.scene.sky, &setup.scene.sun, Path::new(".")).unwrap();
-    let (accelerator, path) = (setup.accelerator(), setup.path());
-    let job = Job {
-        scene: &setup.scene,
-        lowered: &setup.lowered,
-        accelerator: &*accelerator,
-        matter: &setup.matter,
-        sky: &sky,
-        path: &path,
-        frame: 7,
-        crop: setup.crop,
-        threads: 1,
-    };
+    let (accelerator, path) = (setup.accelerator(&setup.lowered), setup.path());
+    let moments =
+        [Moment { time: 0.0, lowered: &setup.lowered, accelerator: &*accelerator, matter: &setup.matter, water: None }];
+    let job =
+        Job { scene: &setup.scene, moments: &moments, sky: &sky, path: &path, frame: 7, crop: setup.crop, threads: 1 };
     let result = render_frame(&job, &AtomicBool::new(false), &());
     assert!(matches!(result, Err(RenderError::EmptyWindow { width: 0, .. })));
 }
@@ -122,6 +118,10 @@ impl Observer for Stopper<'_> {
         if done >= self.limit {
             self.stop.store(true, Ordering::Relaxed);
         }
+    }
+
+    fn time(&self, elapsed: f64, _limit: f64, rays: u64) {
+        self.tiles((elapsed * 1000.0) as u64, u64::MAX, rays);
     }
 }
 

@@ -1,0 +1,551 @@
+//! All places of one patch that send light to a point: its polynomial, the law of refraction over a part of it with proven
+//! bounds, and the search by exclusion, contraction, halving and Newton's iteration. The equations are in `manifold`.
+//!
+//! A part (cell) of the patch has coordinates (α, β) in [-1, 1]². With F and its Jacobian J at the middle and |J(α, β) - J|
+//! ≤ D over the cell, entry by entry, and Y = adj J (so that Y J = det J):
+//! no root lies in the cell if |F|ᵢ > Σⱼ (|J| + D)ᵢⱼ or |Y F|ᵢ > |det J| + Σⱼ (|Y| D)ᵢⱼ for some i; with
+//! κ = max Σⱼ (|Y| D)ᵢⱼ / |det J| < 1 there is at most one, within κ of -Y F / det J (Krawczyk's operator, 1969). The
+//! second test does not need det J ≠ 0: on a fold both rows of Y are the direction that J does not move F in, and F in
+//! that direction is what decides.
+
+use glam::DVec3;
+
+use super::{Connection, Event, ManifoldCounts};
+use crate::surface::Lattice;
+
+/// Cells are closed and reach over their borders by this share of a patch, so that rounding on either side of a border
+/// loses no root; what is found there twice is dropped. Far over f64's rounding divided by any determinant that gets here,
+/// and about what single precision can tell apart.
+const BORDER: f64 = 1e-7;
+
+/// Roots on borders that are remembered to be dropped when found again.
+const BORDER_ROOTS: usize = 32;
+
+/// κ below which Newton's iteration is used: two Jacobians of the cell then differ by at most 2κ / (1 - κ) = 2/3, so that
+/// every step comes closer.
+const NEWTON: f64 = 0.25;
+
+/// κ below which the cell shrinks around the root; above, halving it is as good.
+const CONTRACT: f64 = 0.6;
+
+/// A step of this share of a patch is the last: Newton's next would be its square.
+const LAST_STEP: f64 = 1e-9;
+
+/// Cells of one patch after which its rest is given up: an ordinary patch takes one to five, one with a fold through the
+/// point some fifty. Only where whole areas focus on the point are there more.
+const MOST_CELLS: u32 = 1024;
+
+/// The light of a query.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Light {
+    Direction(DVec3),
+    Point(DVec3),
+}
+
+impl Light {
+    fn moved(self, by: DVec3) -> Self {
+        match self {
+            Self::Direction(to) => Self::Direction(to),
+            Self::Point(place) => Self::Point(place - by),
+        }
+    }
+}
+
+/// One query, in double precision.
+pub(super) struct Query<'a> {
+    pub(super) from: DVec3,
+    pub(super) event: Event,
+    pub(super) light: Light,
+    /// Index on the point's side.
+    pub(super) ior: f64,
+    pub(super) tilt: [f64; 2],
+    /// Width (m) of a cell that is not halved any more.
+    pub(super) tolerance: f64,
+    pub(super) found: &'a mut Vec<Connection>,
+    pub(super) counts: &'a mut ManifoldCounts,
+    pub(super) unsettled: bool,
+    border: [[f64; 2]; BORDER_ROOTS],
+    border_count: usize,
+}
+
+impl<'a> Query<'a> {
+    pub(super) fn new(
+        from: DVec3,
+        event: Event,
+        light: Light,
+        ior: f64,
+        tilt: [f64; 2],
+        tolerance: f64,
+        found: &'a mut Vec<Connection>,
+        counts: &'a mut ManifoldCounts,
+    ) -> Self {
+        let border = [[0.0; 2]; BORDER_ROOTS];
+        Self { from, event, light, ior, tilt, tolerance, found, counts, unsettled: false, border, border_count: 0 }
+    }
+
+    /// Whether a root on a border, in cell coordinates of the whole lattice, is met for the first time.
+    fn is_new(&mut self, at: [f64; 2]) -> bool {
+        let met = &self.border[..self.border_count.min(BORDER_ROOTS)];
+        if met.iter().any(|other| (0..2).all(|axis| (other[axis] - at[axis]).abs() <= 4.0 * BORDER)) {
+            return false;
+        }
+        self.border[self.border_count % BORDER_ROOTS] = at;
+        self.border_count += 1;
+        self.unsettled |= self.border_count > BORDER_ROOTS;
+        true
+    }
+}
+
+/// Part of a patch: middle and half widths, in patch widths from the patch's middle.
+#[derive(Clone, Copy, Debug)]
+struct Cell {
+    middle: [f64; 2],
+    half: [f64; 2],
+}
+
+/// Height and its derivatives along α and β.
+#[derive(Clone, Copy, Debug)]
+struct Jet {
+    height: f64,
+    first: [f64; 2],
+    second: [[f64; 2]; 2],
+}
+
+/// Heights as a polynomial of α and β: `[a][b]` belongs to αᵃ βᵇ.
+#[derive(Clone, Copy, Debug)]
+struct Polynomial<const K: usize>([[f64; K]; K]);
+
+impl<const K: usize> Polynomial<K> {
+    /// A patch about its middle, in patch widths.
+    #[inline]
+    fn of_patch(lattice: &Lattice, i: usize, j: usize) -> Self {
+        let mut coefficients = [[0.0; K]; K];
+        let mut rows = [[0.0; K]; K];
+        for b in 0..K {
+            let heights = &lattice.heights[(j + b) * lattice.stride + i..][..K];
+            rows[b] = powers(std::array::from_fn(|a| f64::from(heights[a])));
+        }
+        for a in 0..K {
+            coefficients[a] = powers(std::array::from_fn(|b| rows[b][a]));
+        }
+        Self(coefficients)
+    }
+
+    /// The same over a cell, from -1 to 1.
+    #[inline]
+    fn over(&self, cell: &Cell) -> Self {
+        let mut p = self.0;
+        let [x, y] = cell.middle;
+        for start in 0..K - 1 {
+            for k in (start..K - 1).rev() {
+                for b in 0..K {
+                    p[k][b] += x * p[k + 1][b];
+                }
+            }
+        }
+        for start in 0..K - 1 {
+            for k in (start..K - 1).rev() {
+                for a in 0..K {
+                    p[a][k] += y * p[a][k + 1];
+                }
+            }
+        }
+        let mut along = 1.0;
+        for a in 0..K {
+            let mut scale = along;
+            for b in 0..K {
+                p[a][b] *= scale;
+                scale *= cell.half[1];
+            }
+            along *= cell.half[0];
+        }
+        Self(p)
+    }
+
+    #[inline]
+    fn jet_at_middle(&self) -> Jet {
+        let p = &self.0;
+        let (aa, bb) = if K > 2 { (2.0 * p[2.min(K - 1)][0], 2.0 * p[0][2.min(K - 1)]) } else { (0.0, 0.0) };
+        Jet { height: p[0][0], first: [p[1][0], p[0][1]], second: [[aa, p[1][1]], [p[1][1], bb]] }
+    }
+
+    #[inline]
+    fn jet(&self, [x, y]: [f64; 2]) -> Jet {
+        // Every column's value and derivatives along β, then the same along α.
+        let columns: [[f64; 3]; K] = std::array::from_fn(|a| horner(&self.0[a], y));
+        let [height, first_a, second_a] = horner(&columns.map(|column| column[0]), x);
+        let [first_b, mixed, _] = horner(&columns.map(|column| column[1]), x);
+        let [second_b, ..] = horner(&columns.map(|column| column[2]), x);
+        Jet { height, first: [first_a, first_b], second: [[second_a, mixed], [mixed, second_b]] }
+    }
+
+    /// Most that height, first and second derivatives differ by, over the cell, from what they are at its middle.
+    #[inline]
+    fn ranges(&self) -> Jet {
+        let mut ranges = Jet { height: 0.0, first: [0.0; 2], second: [[0.0; 2]; 2] };
+        for a in 0..K {
+            for b in 0..K {
+                let size = self.0[a][b].abs();
+                let (x, y) = (a as f64, b as f64);
+                ranges.height += if a + b > 0 { size } else { 0.0 };
+                if a + b > 1 {
+                    ranges.first[0] += x * size;
+                    ranges.first[1] += y * size;
+                }
+                if a + b > 2 {
+                    ranges.second[0][0] += x * (x - 1.0) * size;
+                    ranges.second[1][1] += y * (y - 1.0) * size;
+                    ranges.second[0][1] += x * y * size;
+                }
+            }
+        }
+        ranges.second[1][0] = ranges.second[0][1];
+        ranges
+    }
+}
+
+/// Value, first and second derivative of a polynomial.
+#[inline]
+fn horner<const K: usize>(p: &[f64; K], x: f64) -> [f64; 3] {
+    let (mut value, mut first, mut half_second) = (p[K - 1], 0.0, 0.0);
+    for k in (0..K - 1).rev() {
+        half_second = half_second * x + first;
+        first = first * x + value;
+        value = value * x + p[k];
+    }
+    [value, first, 2.0 * half_second]
+}
+
+/// B-spline heights to powers of the place from the middle of the span, in spans.
+#[inline]
+fn powers<const K: usize>(h: [f64; K]) -> [f64; K] {
+    let mut p = [0.0; K];
+    match *h.as_slice() {
+        [a, b] => p.copy_from_slice(&[0.5 * (a + b), b - a]),
+        [a, b, c] => p.copy_from_slice(&[0.125 * (a + c) + 0.75 * b, 0.5 * (c - a), 0.5 * (a + c) - b]),
+        [a, b, c, d] => p.copy_from_slice(&[
+            (a + d) / 48.0 + 23.0 / 48.0 * (b + c),
+            0.125 * (d - a) + 0.625 * (c - b),
+            0.25 * (a + d - b - c),
+            (d - a) / 6.0 + 0.5 * (b - c),
+        ]),
+        // Lattices have no other orders.
+        _ => {}
+    }
+    p
+}
+
+/// Both equations and their Jacobian at one place, in α and β.
+struct Law {
+    /// Unit vector to the point and one over the distance.
+    to_point: DVec3,
+    inverse: f64,
+    /// The same to the light; 0 for one at infinity.
+    to_light: DVec3,
+    light_inverse: f64,
+    half: DVec3,
+    tangents: [DVec3; 2],
+    tilted: [DVec3; 2],
+    f: [f64; 2],
+    j: [[f64; 2]; 2],
+}
+
+impl Law {
+    fn determinant(&self) -> f64 {
+        self.j[0][0] * self.j[1][1] - self.j[0][1] * self.j[1][0]
+    }
+
+    /// adj J · F.
+    fn adjugate_f(&self) -> [f64; 2] {
+        let ([f, g], [[a, b], [c, d]]) = (self.f, self.j);
+        [d * f - b * g, a * g - c * f]
+    }
+}
+
+/// tᵢ · (I - d dᵀ) tⱼ
+#[inline]
+fn across(d: DVec3, a: DVec3, b: DVec3) -> f64 {
+    a.dot(b) - d.dot(a) * d.dot(b)
+}
+
+/// A patch being searched.
+struct Patch<'q, 'a, const K: usize> {
+    query: &'q mut Query<'a>,
+    polynomial: Polynomial<K>,
+    cell: [usize; 2],
+    /// Local x, z of its middle (m).
+    middle: [f64; 2],
+    width: [f64; 2],
+    /// The point and the light relative to the middle, at height 0.
+    from: DVec3,
+    light: Light,
+    cells: u32,
+}
+
+/// Appends every place of a patch that sends light to the query's point.
+pub(super) fn patch<const K: usize>(lattice: &Lattice, cell: [usize; 2], query: &mut Query) {
+    let width = lattice.width;
+    let mut part = Cell { middle: [0.0; 2], half: [0.5; 2] };
+    for axis in 0..2 {
+        // The domain's edge cuts patches of even order in half.
+        let low = (lattice.domain[0][axis] - cell[axis] as f64).max(0.0);
+        let high = (lattice.domain[1][axis] - cell[axis] as f64).min(1.0);
+        part.middle[axis] = 0.5 * (low + high) - 0.5;
+        part.half[axis] = 0.5 * (high - low);
+        if !(high > low) {
+            return;
+        }
+    }
+    let middle = lattice.from_cell([cell[0] as f64 + 0.5, cell[1] as f64 + 0.5]);
+    let shift = DVec3::new(middle[0], 0.0, middle[1]);
+    let mut patch = Patch::<K> {
+        polynomial: Polynomial::of_patch(lattice, cell[0], cell[1]),
+        from: query.from - shift,
+        light: query.light.moved(shift),
+        query,
+        cell,
+        middle,
+        width,
+        cells: 0,
+    };
+    patch.search(part, part);
+    let cells = u64::from(patch.cells);
+    patch.query.counts.cells += cells;
+}
+
+impl<const K: usize> Patch<'_, '_, K> {
+    fn law(&self, cell: &Cell, [x, y]: [f64; 2], jet: &Jet) -> Law {
+        let half: [f64; 2] = std::array::from_fn(|axis| cell.half[axis] * self.width[axis]);
+        let at = |axis: usize, t: f64| (cell.middle[axis] + t * cell.half[axis]) * self.width[axis];
+        let place = DVec3::new(at(0, x), jet.height, at(1, y));
+        let to_point = self.from - place;
+        let inverse = 1.0 / to_point.length();
+        let to_point = to_point * inverse;
+        let (to_light, light_inverse) = match self.light {
+            Light::Direction(to) => (to, 0.0),
+            Light::Point(light) => {
+                let to = light - place;
+                let inverse = 1.0 / to.length();
+                (to * inverse, inverse)
+            }
+        };
+        let n = self.query.ior;
+        let h = n * to_point + to_light;
+        let tilt: [f64; 2] = std::array::from_fn(|axis| self.query.tilt[axis] * half[axis]);
+        let tangents = [DVec3::new(half[0], jet.first[0], 0.0), DVec3::new(0.0, jet.first[1], half[1])];
+        let tilted = [tangents[0] + DVec3::Y * tilt[0], tangents[1] + DVec3::Y * tilt[1]];
+        let j = std::array::from_fn(|i| {
+            std::array::from_fn(|k| {
+                h.y * jet.second[i][k]
+                    - n * inverse * across(to_point, tilted[i], tangents[k])
+                    - light_inverse * across(to_light, tilted[i], tangents[k])
+            })
+        });
+        let f = [h.dot(tilted[0]), h.dot(tilted[1])];
+        Law { to_point, inverse, to_light, light_inverse, half: h, tangents, tilted, f, j }
+    }
+
+    /// Most that the Jacobian differs by, over the cell, from what it is at the middle; `None` if the point or the light
+    /// is too near for a bound.
+    fn change(&self, law: &Law, jet: &Jet, ranges: &Jet, radius: f64) -> Option<[[f64; 2]; 2]> {
+        let n = self.query.ior;
+        let lengths = law.tangents.map(DVec3::length);
+        let tilted = law.tilted.map(DVec3::length);
+        let mut change = [[0.0; 2]; 2];
+        let mut chord = 0.0;
+        for (weight, direction, inverse) in [(n, law.to_point, law.inverse), (1.0, law.to_light, law.light_inverse)] {
+            if inverse == 0.0 {
+                continue;
+            }
+            let sine = radius * inverse;
+            if !(sine < 0.5) {
+                return None;
+            }
+            chord += weight * sine * (1.0 + 0.414_22 * sine * sine);
+            // 1/r grows to 1/(R - ρ), and the projection I - d dᵀ turns by at most sin α.
+            let growth = sine / (1.0 - sine);
+            for i in 0..2 {
+                for k in 0..2 {
+                    let (a, b) = (ranges.first[i], ranges.first[k]);
+                    let turned = sine * tilted[i] * lengths[k] + a * lengths[k] + b * tilted[i] + a * b;
+                    let here = across(direction, law.tilted[i], law.tangents[k]).abs();
+                    change[i][k] += weight * inverse * ((1.0 + growth) * turned + growth * here);
+                }
+            }
+        }
+        for i in 0..2 {
+            for k in 0..2 {
+                let range = ranges.second[i][k];
+                change[i][k] += law.half.y.abs() * range + chord * (jet.second[i][k].abs() + range);
+            }
+        }
+        Some(change)
+    }
+
+    /// Searches `cell`; `leaf` is the part of the patch that it is to answer for, larger where `cell` has shrunk already.
+    fn search(&mut self, cell: Cell, leaf: Cell) {
+        self.cells += 1;
+        if self.cells > MOST_CELLS {
+            self.query.unsettled = true;
+            return;
+        }
+        let polynomial = self.polynomial.over(&cell);
+        let (jet, ranges) = (polynomial.jet_at_middle(), polynomial.ranges());
+        let law = self.law(&cell, [0.0; 2], &jet);
+        let size: [f64; 2] = std::array::from_fn(|axis| cell.half[axis] * self.width[axis]);
+        let radius = (size[0] * size[0] + size[1] * size[1] + ranges.height * ranges.height).sqrt();
+        let reach: [f64; 2] = std::array::from_fn(|axis| 1.0 + BORDER / cell.half[axis]);
+        let room = reach[0].max(reach[1]);
+        let Some(change) = self.change(&law, &jet, &ranges, radius) else {
+            return self.halve(&cell, &leaf, size, &polynomial);
+        };
+        let Law { f, j, .. } = law;
+        for i in 0..2 {
+            if f[i].abs() > room * (j[i][0].abs() + change[i][0] + j[i][1].abs() + change[i][1]) {
+                return;
+            }
+        }
+        let determinant = law.determinant().abs();
+        let adjugate = [[j[1][1].abs(), j[0][1].abs()], [j[1][0].abs(), j[0][0].abs()]];
+        let step = law.adjugate_f();
+        let doubt: [f64; 2] = std::array::from_fn(|i| {
+            (0..2).map(|k| adjugate[i][0] * change[0][k] + adjugate[i][1] * change[1][k]).sum()
+        });
+        if (0..2).any(|i| step[i].abs() > room * (determinant + doubt[i])) {
+            return;
+        }
+        let most = doubt[0].max(doubt[1]);
+        if most <= NEWTON * determinant {
+            return self.iterate(&polynomial, &cell, &leaf, law, most / determinant);
+        }
+        if most <= CONTRACT * determinant {
+            let signed = law.determinant();
+            let mut shrunk = cell;
+            for axis in 0..2 {
+                // Around the root, and not beyond the cell.
+                let (root, ball) = (-step[axis] / signed, room * doubt[axis] / determinant);
+                let low = (root - ball).max(-reach[axis]);
+                let high = (root + ball).min(reach[axis]);
+                if !(low < high) {
+                    return;
+                }
+                shrunk.middle[axis] += 0.5 * (low + high) * cell.half[axis];
+                shrunk.half[axis] *= 0.5 * (high - low);
+            }
+            return self.search(shrunk, leaf);
+        }
+        self.halve(&cell, &leaf, size, &polynomial);
+    }
+
+    /// Searches halves or quarters, or at the tolerance tries once and says that it is not settled.
+    fn halve(&mut self, cell: &Cell, leaf: &Cell, size: [f64; 2], polynomial: &Polynomial<K>) {
+        let widest = size[0].max(size[1]);
+        if !(2.0 * widest > self.query.tolerance) {
+            self.query.unsettled = true;
+            let law = self.law(cell, [0.0; 2], &polynomial.jet_at_middle());
+            // Nothing is proven here: the last rate lets the iteration wander over the cell and no further.
+            return self.iterate(polynomial, cell, leaf, law, NEWTON);
+        }
+        let [along_x, along_z] = size.map(|size| 2.0 * size >= widest);
+        for second in 0..1 + usize::from(along_z) {
+            for first in 0..1 + usize::from(along_x) {
+                let mut part = *cell;
+                for (axis, which, split) in [(0, first, along_x), (1, second, along_z)] {
+                    if split {
+                        part.half[axis] *= 0.5;
+                        part.middle[axis] += if which == 0 { -part.half[axis] } else { part.half[axis] };
+                    }
+                }
+                self.search(part, part);
+            }
+        }
+    }
+
+    /// Newton's iteration from the cell's middle, held in the cell, where `contraction` is κ.
+    ///
+    /// Every root of the cell lies within a ball of the unheld step, which shrinks from step to step; a step that ends
+    /// farther from the cell than that proves that there is none.
+    fn iterate(&mut self, polynomial: &Polynomial<K>, cell: &Cell, leaf: &Cell, mut law: Law, contraction: f64) {
+        let reach: [f64; 2] = std::array::from_fn(|axis| 1.0 + BORDER / cell.half[axis]);
+        let mut ball = reach[0].max(reach[1]);
+        let mut rate = contraction;
+        let mut at = [0.0; 2];
+        // 2/3 to the hundredth is past any rounding.
+        for _ in 0..100 {
+            self.query.counts.iterations += 1;
+            let (step, determinant) = (law.adjugate_f(), law.determinant());
+            ball *= rate;
+            rate = 2.0 * contraction / (1.0 - contraction);
+            let mut largest = 0.0f64;
+            for axis in 0..2 {
+                let change = -step[axis] / determinant;
+                let next = at[axis] + change;
+                if !(next.abs() - reach[axis] <= ball) {
+                    return;
+                }
+                at[axis] = next.clamp(-reach[axis], reach[axis]);
+                largest = largest.max(change.abs() * cell.half[axis]);
+            }
+            let jet = polynomial.jet(at);
+            law = self.law(cell, at, &jet);
+            if largest <= LAST_STEP {
+                return self.keep(cell, leaf, at, &jet, &law);
+            }
+        }
+        self.query.unsettled = true;
+    }
+
+    /// Adds a root if it is where the leaf ends at most, is new, and light really goes that way.
+    fn keep(&mut self, cell: &Cell, leaf: &Cell, at: [f64; 2], jet: &Jet, law: &Law) {
+        let place: [f64; 2] = std::array::from_fn(|axis| cell.middle[axis] + at[axis] * cell.half[axis]);
+        let half: [f64; 2] = std::array::from_fn(|axis| cell.half[axis] * self.width[axis]);
+        let mut on_border = false;
+        for axis in 0..2 {
+            let beyond = (place[axis] - leaf.middle[axis]).abs() - leaf.half[axis];
+            // The iteration's own rounding is far under the border's width.
+            if beyond > 1.5 * BORDER {
+                return;
+            }
+            on_border |= beyond > -1.5 * BORDER;
+        }
+        let slope: [f64; 2] = std::array::from_fn(|axis| jet.first[axis] / half[axis]);
+        let normal = DVec3::new(-slope[0], 1.0, -slope[1]);
+        let facet = normal - DVec3::new(self.query.tilt[0], 0.0, self.query.tilt[1]);
+        let side = match self.query.event {
+            Event::Refraction => -1.0,
+            Event::Reflection => 1.0,
+        };
+        // h along the facet's normal is the law's tangential half; these signs are the other, and also keep light that
+        // would come through the surface itself.
+        if [normal, facet].iter().any(|n| !(side * n.dot(law.to_point) > 0.0 && n.dot(law.to_light) > 0.0)) {
+            return;
+        }
+        if on_border && !self.query.is_new([place[0] + self.cell[0] as f64, place[1] + self.cell[1] as f64]) {
+            return;
+        }
+        let area = half[0] * half[1];
+        let determinant = law.determinant() / (area * area);
+        let mut spread = normal.dot(law.to_point) * facet.dot(law.to_light) * law.inverse * law.inverse / determinant;
+        let mut light_distance = f64::INFINITY;
+        if let Light::Point(_) = self.light {
+            light_distance = 1.0 / law.light_inverse;
+            spread *= law.light_inverse * law.light_inverse;
+        }
+        let spread = spread.abs() as f32;
+        if !spread.is_finite() {
+            self.query.unsettled = true;
+            return;
+        }
+        let [x, z] = std::array::from_fn(|axis| self.middle[axis] + place[axis] * self.width[axis]);
+        self.query.found.push(Connection {
+            surface: DVec3::new(x, jet.height, z).as_vec3(),
+            normal: normal.normalize().as_vec3(),
+            facet: facet.normalize().as_vec3(),
+            direction: (-law.to_point).as_vec3(),
+            distance: (1.0 / law.inverse) as f32,
+            to_light: law.to_light.as_vec3(),
+            light_distance: light_distance as f32,
+            spread,
+        });
+    }
+}

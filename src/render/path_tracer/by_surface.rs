@@ -1,0 +1,174 @@
+//! Sun and lamps that reach a point by way of the water's surface: refracted into the water, or mirrored off it.
+//!
+//! Irradiance across a connection is E T n^2 spread of the sun (intensity for a lamp), with the reflectance in place of
+//! T n^2 where it is mirrored (`caustics`). Ripples tilt the surface that a connection is sought on by a facet of their
+//! own distribution (T. Zeltner, I. Georgiev, W. Jakob, Specular manifold sampling, 2020, section 5).
+
+use glam::Vec3;
+
+use super::{
+    super::{
+        batches::{Carrier, Scratch},
+        caustics::{Connection, Event, Target},
+        contact::Contact,
+        film::Layer,
+        world::{Lamp, SUN, World},
+    },
+    Link, Purpose,
+};
+
+/// Of so many searches for light by way of the surface one is made where a path has been diffuse before.
+const LATER: f32 = 4.0;
+
+/// Where light is asked for, and what becomes of it.
+pub(in crate::render) struct Asker<'a> {
+    pub(in crate::render) position: Vec3,
+    /// The diffuse thing that asks; `None` for a point in the water.
+    pub(in crate::render) contact: Option<&'a Contact>,
+    pub(in crate::render) carrier: &'a Carrier,
+    /// Share (1/sr) of light from a direction that goes on along the path, cosine included.
+    pub(in crate::render) value: &'a dyn Fn(Vec3) -> f32,
+    pub(in crate::render) layer: Layer,
+    /// Layer of light that the surface bends.
+    pub(in crate::render) caustic_layer: Layer,
+}
+
+impl Asker<'_> {
+    /// Where a ray along `direction` starts.
+    pub(super) fn leave(&self, direction: Vec3) -> Vec3 {
+        self.contact.map_or(self.position, |contact| contact.leave(direction))
+    }
+
+    fn event(&self) -> Event {
+        if self.carrier.in_water { Event::Refraction } else { Event::Reflection }
+    }
+}
+
+impl World<'_> {
+    /// The sun by way of the surface.
+    pub(in crate::render) fn ask_sun_by_surface(&self, asker: &Asker, scratch: &mut Scratch) {
+        if self.manifold.is_none() || self.sun.irradiance.max_element() <= 0.0 {
+            return;
+        }
+        let [u, v, ..] = self.numbers(asker.carrier, Purpose::Sky, scratch);
+        let target = Target::Direction(self.sun.sample([u, v]));
+        let irradiance = self.sun.irradiance;
+        self.ask_by_surface(asker, target, &|_| irradiance, SUN, 0, scratch);
+    }
+
+    /// A lamp in the air by way of the surface.
+    pub(super) fn ask_lamp_by_surface(&self, asker: &Asker, lamp: &Lamp, u: [f32; 2], scratch: &mut Scratch) {
+        if lamp.in_water {
+            return;
+        }
+        // A ball shines from points all over it, each by the cosine there: four times the mean over the half that is seen.
+        let out = sphere(u);
+        let intensity = lamp.intensity * self.lamps.len() as f32;
+        let strength = |to_light: Vec3| {
+            if lamp.radius > 0.0 { intensity * (4.0 * (-to_light).dot(out).max(0.0)) } else { intensity }
+        };
+        let target = Target::Point(lamp.position + lamp.radius * out);
+        self.ask_by_surface(asker, target, &strength, lamp.group, 2, scratch);
+    }
+
+    /// Whether a camera's sample searches at first sight, and for how many times the light: `render.caustic_samples` of
+    /// every `render.samples`, evenly spread.
+    fn searches_at_first_sight(&self, sample: u32) -> Option<f32> {
+        let [all, searches] = self.limits.searches.map(u64::from);
+        if searches >= all {
+            return Some(1.0);
+        }
+        let place = u64::from(sample) % all;
+        ((place + 1) * searches / all > place * searches / all).then_some(all as f32 / searches as f32)
+    }
+
+    /// Every way from a light to the asker. `strength` is the irradiance (for a point: the intensity) along a direction to
+    /// the light; `facet` says which of the event's numbers tilt the surface.
+    fn ask_by_surface(
+        &self,
+        asker: &Asker,
+        target: Target,
+        strength: &dyn Fn(Vec3) -> Vec3,
+        group: u16,
+        facet: usize,
+        scratch: &mut Scratch,
+    ) {
+        let Some(manifold) = &self.manifold else { return };
+        let Asker { position, carrier, value, caustic_layer: layer, .. } = *asker;
+        // What is seen at first sight is asked for every time, what comes after it one time in a few, for as many times the
+        // light: a search costs as much as many rays.
+        let later = carrier.path.diffuse + carrier.path.scattered.min(1) as u16 > 0;
+        let times = if later {
+            if self.numbers(carrier, Purpose::Cover, scratch)[1 + facet / 2] * LATER >= 1.0 {
+                return;
+            }
+            LATER
+        } else {
+            match self.searches_at_first_sight(scratch.samples[carrier.place.path as usize].sample) {
+                Some(times) => times,
+                None => return,
+            }
+        };
+        let event = asker.event();
+        if event == Event::Reflection && !self.mirrored {
+            return;
+        }
+        let tilt = if self.interface.is_smooth() {
+            [0.0; 2]
+        } else {
+            let numbers = self.numbers(carrier, Purpose::Facet, scratch);
+            self.interface.slopes([numbers[facet], numbers[facet + 1]]).0
+        };
+        let tolerance = self.secondary_tolerance_at(carrier.distance);
+        let mut found = std::mem::take(&mut scratch.connections);
+        let counts = &mut scratch.paths.manifold;
+        manifold.connect(position, event, target, self.water.ior, tilt, tolerance, &mut found, counts);
+        for (index, connection) in found.iter().enumerate() {
+            let value = value(connection.direction);
+            if value <= 0.0 {
+                continue;
+            }
+            let reflectance = self.water.reflectance(connection.to_light.dot(connection.facet).clamp(0.0, 1.0), false);
+            let through = match event {
+                Event::Refraction => (1.0 - reflectance) * self.density(),
+                Event::Reflection => reflectance,
+            };
+            let mut light =
+                carrier.throughput * strength(connection.to_light) * (value * through * connection.spread * times);
+            if carrier.in_water {
+                let Connection { direction, distance, .. } = *connection;
+                let salt = 2 + 2 * index as u32 + (facet as u32 / 2);
+                light *= self.medium.transmittance(distance)
+                    * self.past_bubbles(carrier, position, direction, distance, salt, scratch);
+            }
+            if let Some(foam) = self.matter.foam(connection.surface, 0.0) {
+                light *= 1.0 - foam.cover;
+            }
+            let light = self.clamped(&carrier.path, light, scratch);
+            let link = Link { light, place: carrier.place, layer, group, ..Link::new(carrier.distance) };
+            self.push_connection(position, connection, link, tolerance, scratch);
+        }
+        scratch.connections = found;
+    }
+
+    /// Queues both legs of a connection. The first ends short of the surface and the second starts off it, by what the
+    /// tracer's tolerance and rounding may move either.
+    fn push_connection(&self, from: Vec3, connection: &Connection, link: Link, tolerance: f32, scratch: &mut Scratch) {
+        let rounding = 12.0 * f32::EPSILON * connection.surface.abs().max_element();
+        let margin = 2.0 * (tolerance + self.secondary_tolerance[1] * connection.distance) + rounding;
+        let slant = connection.direction.dot(connection.normal).abs().max(0.02);
+        let reach = connection.distance - margin / slant;
+        let start = connection.surface + connection.normal * margin;
+        let to = connection.light_distance * (1.0 - 4.0 * f32::EPSILON);
+        let link = Link { then: Some((start, connection.to_light, to)), ..link };
+        self.push_link(from, connection.direction, reach.max(0.5 * connection.distance), link, scratch);
+    }
+}
+
+/// A direction, all alike.
+fn sphere([u, v]: [f32; 2]) -> Vec3 {
+    let y = 1.0 - 2.0 * u;
+    let side = (1.0 - y * y).max(0.0).sqrt();
+    let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
+    Vec3::new(side * cos, y, side * sin)
+}

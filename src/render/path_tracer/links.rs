@@ -1,0 +1,148 @@
+//! Links: the ways from a path's events to lights, traced with the wave, each adding its light if nothing stops it.
+//!
+//! Ground, objects and water stop a link, spray lets 1 - opacity of it through. A link by way of the water's surface is
+//! two legs: to the surface, and on from there to the light.
+
+use glam::Vec3;
+
+use super::super::{
+    batches::Scratch,
+    contact::Contact,
+    film::{Layer, Place},
+    world::World,
+};
+use crate::{
+    accel::{NO_PART, RayBatch},
+    lower::{Material, Shape},
+};
+
+/// Light of which less than this share got through spray counts as stopped: under half's rounding of the light it is part
+/// of.
+const LEAST_SHARE: f32 = 1.0 / 2048.0;
+
+/// Droplets' borders on a leg after which it counts as stopped.
+const CROSSINGS: u16 = 64;
+
+/// What a link carries.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::render) struct Link {
+    /// Light that it adds if nothing stands in its way.
+    pub(super) light: Vec3,
+    pub(super) place: Place,
+    pub(super) layer: Layer,
+    pub(super) group: u16,
+    /// Metres from the eye to where it started.
+    pub(super) distance: f32,
+    /// Where it goes on after its first leg: origin, direction, reach.
+    pub(super) then: Option<(Vec3, Vec3, f32)>,
+    pub(super) crossed: u16,
+    pub(super) share: f32,
+}
+
+impl Link {
+    pub(super) fn new(distance: f32) -> Self {
+        Self {
+            light: Vec3::ZERO,
+            place: Place::default(),
+            layer: Layer::Terrain,
+            group: 0,
+            distance,
+            then: None,
+            crossed: 0,
+            share: 1.0,
+        }
+    }
+}
+
+/// Links under way.
+#[derive(Debug, Default)]
+pub(in crate::render) struct Links {
+    pub(super) rays: RayBatch,
+    pub(super) loads: Vec<Link>,
+}
+
+impl Links {
+    pub(in crate::render) fn clear(&mut self) {
+        self.rays.clear();
+        self.loads.clear();
+    }
+}
+
+impl World<'_> {
+    /// Queues a link's next leg; nothing to add, nothing to trace.
+    pub(super) fn push_link(&self, origin: Vec3, direction: Vec3, reach: f32, link: Link, scratch: &mut Scratch) {
+        if link.light.max_element() > 0.0 && reach > 0.0 {
+            // Shining balls stand in the accelerator's way of no one: they are met here.
+            if self.lamp_on_the_way(origin, direction, reach).is_some() {
+                return;
+            }
+            scratch.links.rays.push(origin, direction, 0.0, reach, self.secondary_tolerance_at(link.distance));
+            scratch.links.loads.push(link);
+        } else if !link.light.is_finite() {
+            scratch.film.add(link.place, link.layer, link.group, link.light);
+        }
+    }
+
+    /// Traces all queued links to their ends.
+    pub(in crate::render) fn trace_links(&self, scratch: &mut Scratch) {
+        while !scratch.links.rays.is_empty() {
+            scratch.counts.shadow += scratch.links.rays.len() as u64;
+            scratch.links.rays.tolerance_growth = self.secondary_tolerance[1];
+            scratch.next_links.clear();
+            if self.has_spray {
+                self.accelerator.closest(&scratch.links.rays, &mut scratch.hits, &mut scratch.solve);
+                for index in 0..scratch.links.loads.len() {
+                    if scratch.hits.part[index] == NO_PART {
+                        self.leg_done(scratch.links.loads[index], scratch);
+                    } else {
+                        self.meet_on_link(index, scratch);
+                    }
+                }
+            } else {
+                self.accelerator.occluded(&scratch.links.rays, &mut scratch.occluded, &mut scratch.solve);
+                for index in 0..scratch.links.loads.len() {
+                    if !scratch.occluded[index] {
+                        self.leg_done(scratch.links.loads[index], scratch);
+                    }
+                }
+            }
+            std::mem::swap(&mut scratch.links, &mut scratch.next_links);
+        }
+    }
+
+    fn leg_done(&self, mut link: Link, scratch: &mut Scratch) {
+        match link.then.take() {
+            Some((origin, direction, reach)) => {
+                let tolerance = self.secondary_tolerance_at(link.distance);
+                scratch.next_links.rays.push(origin, direction, 0.0, reach, tolerance);
+                scratch.next_links.loads.push(link);
+            }
+            None => scratch.film.add(link.place, link.layer, link.group, link.light * link.share),
+        }
+    }
+
+    /// Spray thins a link, all else ends it.
+    fn meet_on_link(&self, index: usize, scratch: &mut Scratch) {
+        let part = &self.lowered.parts[scratch.hits.part[index] as usize];
+        let Material::Spray = part.material else { return };
+        let mut link = scratch.links.loads[index];
+        let (origin, direction) = (scratch.links.rays.origin(index), scratch.links.rays.direction(index));
+        let (t, reach) = (scratch.hits.t[index], scratch.links.rays.tfar[index]);
+        let given = Vec3::from_array(std::array::from_fn(|axis| scratch.hits.normal[axis][index]));
+        let primitive = scratch.hits.primitive[index];
+        let place = [scratch.hits.u[index], scratch.hits.v[index]];
+        let contact = Contact::new(part, primitive, place, origin, direction, t, given);
+        // A ball is met twice, on the way in and on the way out, and counts once.
+        if direction.dot(contact.normal) <= 0.0 || matches!(part.shape, Shape::Discs(_)) {
+            link.share *= 1.0 - self.matter.spray(primitive).opacity;
+        }
+        link.crossed += 1;
+        if link.share < LEAST_SHARE || link.crossed > CROSSINGS {
+            return;
+        }
+        link.distance += t;
+        let tolerance = self.secondary_tolerance_at(link.distance);
+        scratch.next_links.rays.push(contact.leave(direction), direction, 0.0, reach - t, tolerance);
+        scratch.next_links.loads.push(link);
+    }
+}

@@ -1,0 +1,177 @@
+//! Both integrators, breadth-first: trace a wave of rays, hand every end to the integrator, which queues what follows, and
+//! repeat. Which pixels get samples, and how many, is decided here too.
+
+use glam::Vec3;
+
+use super::{
+    batches::{CameraSample, Carrier, Scratch},
+    contact::Contact,
+    film::Place,
+    sampler::Sampler,
+    world::World,
+};
+use crate::{accel::NO_PART, lower::Part, output::Window, scene::Integrator};
+
+/// Rays of a chunk: enough to fill every lane, few enough to stay in a processor's cache.
+const CHUNK: u32 = 16_384;
+
+/// A ray that ended, and where.
+pub(super) struct Arrival<'a> {
+    pub(super) carrier: Carrier,
+    pub(super) origin: Vec3,
+    pub(super) direction: Vec3,
+    /// Metres of the ray.
+    pub(super) t: f32,
+    pub(super) part: &'a Part,
+    pub(super) primitive: u32,
+    pub(super) place: [f32; 2],
+    pub(super) contact: Contact,
+}
+
+/// A frame ready to be rendered: the moments of its shutter, and when a pixel has had enough.
+pub(super) struct Frame<'a> {
+    /// One world per moment; sample i belongs to moment i modulo their count.
+    pub(super) moments: Vec<World<'a>>,
+    /// Samples of the first pass over all pixels.
+    pub(super) first: u32,
+    /// The samples that every pixel gets before it is judged.
+    pub(super) least: u32,
+    /// Greatest relative error that is good enough; `None`: all pixels get `least`.
+    pub(super) noise: Option<f64>,
+}
+
+/// Luminance that the relative error counts on top of a pixel's own: a tenth of a white card in daylight. Noise in what
+/// is darker does not show.
+const FLOOR: f64 = 0.1;
+
+impl Frame<'_> {
+    fn sampler(&self) -> &Sampler {
+        &self.moments[0].sampler
+    }
+
+    /// Ranges of samples between which pixels are judged: after the first, up to each power of two and half way between.
+    pub(super) fn steps(&self) -> impl Iterator<Item = std::ops::Range<u32>> + use<> {
+        let (first, most) = (self.first, self.sampler().samples());
+        let mut end = 0;
+        std::iter::from_fn(move || {
+            let start: u32 = end;
+            end = match start {
+                0 => first,
+                _ if start.is_power_of_two() => start + (start / 2).max(1),
+                _ => start.next_power_of_two(),
+            }
+            .min(most);
+            (start < end).then_some(start..end)
+        })
+    }
+
+    /// Renders the samples of `range` of the pixels of the film's tile that have had every sample before and are not
+    /// good enough yet. True if there was any.
+    ///
+    /// A pixel's samples of a range are always in one chunk, or in chunks cut by sample alone, so that its sums are made
+    /// in the same order whatever tile or crop it is in.
+    pub(super) fn render(&self, range: std::ops::Range<u32>, scratch: &mut Scratch) -> bool {
+        let window = scratch.film.window;
+        let mut active = std::mem::take(&mut scratch.active);
+        active.clear();
+        let open = |pixel: &u32| {
+            scratch.film.samples(*pixel) == range.start
+                && (range.start < self.least
+                    || self.noise.is_none_or(|noise| scratch.film.relative_error(*pixel, FLOOR) > noise))
+        };
+        active.extend((0..window.width * window.height).filter(open));
+        let step = self.moments.len() as u32;
+        let per_chunk = (CHUNK / (range.end - range.start)).max(1);
+        for pixels in active.chunks(per_chunk as usize) {
+            let mut start = range.start;
+            while start < range.end {
+                let end = range.end.min(start + CHUNK);
+                for (moment, world) in self.moments.iter().enumerate() {
+                    let first = start + (moment as u32 + step - start % step) % step;
+                    scratch.samples.clear();
+                    for &pixel in pixels {
+                        let [x, y] = place(window, pixel);
+                        let run = self.sampler().run(x, y);
+                        let samples = (first..end).step_by(step as usize);
+                        scratch.samples.extend(samples.map(|sample| CameraSample { pixel, sample, run }));
+                    }
+                    world.follow(scratch);
+                }
+                start = end;
+            }
+        }
+        let any = !active.is_empty();
+        scratch.active = active;
+        any
+    }
+}
+
+/// Raster place of a tile's pixel in the full frame.
+fn place(window: Window, pixel: u32) -> [i32; 2] {
+    [window.x + (pixel % window.width) as i32, window.y + (pixel / window.width) as i32]
+}
+
+impl World<'_> {
+    /// Sends out the camera's samples and follows everything until nothing is left.
+    fn follow(&self, scratch: &mut Scratch) {
+        scratch.wave.clear();
+        let window = scratch.film.window;
+        // A camera under water looks through a port: in it, light has the density of air again.
+        let throughput = Vec3::splat(if self.eye_in_water { 1.0 / self.density() } else { 1.0 });
+        for (path, camera_sample) in scratch.samples.iter().enumerate() {
+            let CameraSample { pixel, sample, run } = *camera_sample;
+            let [x, y] = place(window, pixel);
+            let at = self.sampler.sample(x, y, run, sample);
+            let (origin, direction) = self.camera.ray(at.raster, at.lens, self.lowered.origin);
+            scratch.wave.rays.push(origin, direction, 0.0, f32::INFINITY, self.tolerance[0]);
+            scratch.wave.carriers.push(Carrier::camera(
+                throughput,
+                Place { pixel, path: path as u32 },
+                self.eye_in_water,
+            ));
+        }
+        scratch.counts.primary += scratch.wave.rays.len() as u64;
+        scratch.film.begin(scratch.samples.len());
+        self.run(scratch);
+        let Scratch { film, samples, .. } = scratch;
+        film.end(samples.iter().map(|sample| sample.pixel));
+    }
+
+    fn run(&self, scratch: &mut Scratch) {
+        let mut growth = self.tolerance[1];
+        while !scratch.wave.rays.is_empty() {
+            scratch.wave.rays.tolerance_growth = growth;
+            growth = self.secondary_tolerance[1];
+            self.accelerator.closest(&scratch.wave.rays, &mut scratch.hits, &mut scratch.solve);
+            scratch.next.clear();
+            scratch.shadow.clear();
+            scratch.links.clear();
+            for index in 0..scratch.wave.rays.len() {
+                let carrier = scratch.wave.carriers[index];
+                let (origin, direction) = (scratch.wave.rays.origin(index), scratch.wave.rays.direction(index));
+                let hit = scratch.hits.part[index];
+                if hit == NO_PART {
+                    match self.integrator {
+                        Integrator::Whitted => self.escape(&carrier, direction, scratch),
+                        Integrator::Path => self.path_escape(carrier, origin, direction, scratch),
+                    }
+                    continue;
+                }
+                let part = &self.lowered.parts[hit as usize];
+                let primitive = scratch.hits.primitive[index];
+                let place = [scratch.hits.u[index], scratch.hits.v[index]];
+                let t = scratch.hits.t[index];
+                let given = Vec3::from_array(std::array::from_fn(|axis| scratch.hits.normal[axis][index]));
+                let contact = Contact::new(part, primitive, place, origin, direction, t, given);
+                let arrival = Arrival { carrier, origin, direction, t, part, primitive, place, contact };
+                match self.integrator {
+                    Integrator::Whitted => self.arrive(arrival, scratch),
+                    Integrator::Path => self.path_arrive(arrival, scratch),
+                }
+            }
+            self.trace_shadows(scratch);
+            self.trace_links(scratch);
+            std::mem::swap(&mut scratch.wave, &mut scratch.next);
+        }
+    }
+}
