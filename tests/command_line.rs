@@ -123,7 +123,10 @@ fn all_errors_of_a_scene_and_its_overrides_are_printed_with_their_places() {
             errors[2],
             "--set water.ior: `water.ior` = 0.5 is out of range: expected a finite number from 1 to 4"
         );
-        assert!(errors[3].starts_with("--set sky.kind: `sky.kind` = starry: expected one of `analytic`, `skybox`"));
+        assert!(
+            errors[3]
+                .starts_with("--set sky.kind: `sky.kind` = starry: expected one of `analytic`, `preetham`, `skybox`")
+        );
     }
 }
 

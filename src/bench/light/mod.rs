@@ -94,7 +94,8 @@ impl Judge {
         let count = self.differences.len().max(2) as f64;
         let mean = self.differences.iter().sum::<f64>() / count;
         let variance = self.differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (count - 1.0);
-        [1.0 + mean / self.mean, (variance / count).sqrt() / self.mean]
+        // A black picture's differences add up to the truth's mean but for rounding.
+        [(1.0 + mean / self.mean).max(0.0), (variance / count).sqrt() / self.mean]
     }
 }
 
