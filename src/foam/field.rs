@@ -27,8 +27,6 @@ pub struct FoamLook {
     pub cover: f32,
     /// Diffuse albedo of that foam, linear Rec.709.
     pub albedo: Vec3,
-    /// Its thickness (m).
-    pub thickness: f32,
     /// The cover's mean around here, without the pattern.
     pub density: f32,
 }
@@ -60,7 +58,6 @@ pub struct FoamField {
     pattern: f32,
     bubble: f32,
     softness: f32,
-    thickness: f32,
     albedo: Vec3,
     aeration: f32,
     aeration_depth: f32,
@@ -99,7 +96,6 @@ impl FoamField {
             pattern: pattern as f32,
             bubble: settings.bubble.unwrap_or(pattern / 12.0) as f32,
             softness: settings.softness as f32,
-            thickness: settings.thickness as f32,
             albedo: Vec3::from_array(settings.albedo.map(|value| value as f32)),
             aeration: settings.aeration as f32,
             aeration_depth: settings.aeration_depth as f32,
@@ -181,7 +177,7 @@ impl FoamField {
         // How far inside the foam's rim.
         let inside = normal_share((field - threshold - self.softness) / (2.0 * spread));
         let shade = 1.0 - RIM * (1.0 - inside) - GRAIN * (1.0 - grain.clamp(0.0, 1.0));
-        Some(FoamLook { cover, albedo: self.albedo * shade, thickness: self.thickness * inside, density })
+        Some(FoamLook { cover, albedo: self.albedo * shade, density })
     }
 
     /// Greatest extinction (1/m) of bubbles anywhere: a spline does not leave the range of its heights.
@@ -335,7 +331,7 @@ mod tests {
             let place = stored.corner + Vec2::new(a, b) * 10.0 - 0.5;
             if let Some(look) = stored.at(place.x, place.y, 0.5 * c * c) {
                 assert!((0.0..=1.0).contains(&look.cover) && (0.0..=1.0).contains(&look.density), "{look:?}");
-                assert!(look.albedo.min_element() > 0.0 && look.albedo.max_element() <= 0.96 && look.thickness >= 0.0);
+                assert!(look.albedo.min_element() > 0.0 && look.albedo.max_element() <= 0.96);
             }
         }
     }

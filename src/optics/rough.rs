@@ -169,7 +169,7 @@ impl Interface {
     ///
     /// The density over slopes is P22(s) = 1 / (pi alpha^2 (1 + |s|^2 / alpha^2)^2). With the weight, 1 over the facet's
     /// cosine, a mean over such facets is an integral over solid angle against Walter's D; without it, against D times the
-    /// facet's cosine, which is 1 in all. Zero slopes for a smooth border. [`Interface::tilt`] makes a normal of them.
+    /// facet's cosine, which is 1 in all. Zero slopes for a smooth border.
     #[inline]
     pub fn slopes(&self, u: [f32; 2]) -> ([f32; 2], f32) {
         if self.is_smooth() {
@@ -179,15 +179,6 @@ impl Interface {
         let length = self.alpha * (u[1] / (1.0 - u[1]).max(0.5 * f32::EPSILON)).sqrt();
         let (sin, cos) = (TAU * u[0]).sin_cos();
         ([length * cos, length * sin], (1.0 + length * length).sqrt())
-    }
-
-    /// Unit normal of a facet of these slopes on a surface of this normal.
-    ///
-    /// The two axes are the same for the same normal, and arbitrary: the facets have no grain.
-    #[inline]
-    pub fn tilt(normal: Vec3, slopes: [f32; 2]) -> Vec3 {
-        let (across, along) = normal.any_orthonormal_pair();
-        (normal + slopes[0] * across + slopes[1] * along).normalize()
     }
 
     /// Indices on the eye's and the light's side of a refraction.

@@ -69,12 +69,6 @@ impl Sun {
         1.0 / solid_angle() as f32
     }
 
-    /// The same for any unit direction, 0 outside the disc: for weights between several ways of drawing.
-    #[inline]
-    pub fn pdf_of(&self, direction: Vec3) -> f32 {
-        if self.contains(direction) { self.pdf() } else { 0.0 }
-    }
-
     /// True where a unit direction looks into the disc.
     #[inline]
     pub fn contains(&self, direction: Vec3) -> bool {
@@ -164,8 +158,6 @@ mod tests {
             // A quarter of the disc's area lies within half its radius, half of it on either side.
             let share = |count: u32| f64::from(count) / (side * side) as f64;
             assert!(outside == 0 && (share(inner) - 0.25).abs() < 5e-3 && (share(east) - 0.5).abs() < 5e-3);
-            assert_eq!(sun.pdf_of(sun.direction), sun.pdf());
-            assert_eq!(sun.pdf_of(-sun.direction), 0.0);
             // Radiance over density is the irradiance.
             assert!((sun.disc_radiance / sun.pdf() - sun.irradiance).abs().max_element() < 1e-5 * sun.irradiance.x);
         }

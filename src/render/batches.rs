@@ -117,6 +117,14 @@ pub(super) struct Asked {
     pub(super) lamps: bool,
 }
 
+impl PathState {
+    /// Whether something diffuse, or the water itself, has thrown the path on before.
+    #[inline]
+    pub(super) fn is_later(&self) -> bool {
+        self.diffuse > 0 || self.scattered > 0
+    }
+}
+
 impl Carrier {
     /// A ray from the eye.
     pub(super) fn camera(throughput: Vec3, place: Place, in_water: bool) -> Self {

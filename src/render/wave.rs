@@ -6,11 +6,16 @@ use glam::Vec3;
 use super::{
     batches::{CameraSample, Carrier, Scratch},
     contact::Contact,
-    film::Place,
+    film::{Nearest, Place},
     sampler::Sampler,
     world::World,
 };
-use crate::{accel::NO_PART, lower::Part, output::Window, scene::Integrator};
+use crate::{
+    accel::NO_PART,
+    lower::{Material, Part},
+    output::Window,
+    scene::Integrator,
+};
 
 /// Rays of a chunk: enough to fill every lane, few enough to stay in a processor's cache.
 const CHUNK: u32 = 16_384;
@@ -26,6 +31,46 @@ pub(super) struct Arrival<'a> {
     pub(super) primitive: u32,
     pub(super) place: [f32; 2],
     pub(super) contact: Contact,
+}
+
+impl World<'_> {
+    /// What every arrival tells: on which side of the water's surface the ray was, whatever was thought before, and how
+    /// long the first refracted ray is.
+    pub(super) fn note_arrival(&self, arrival: &mut Arrival, scratch: &mut Scratch) {
+        if matches!(arrival.part.material, Material::Water) {
+            arrival.carrier.in_water = arrival.direction.dot(arrival.contact.normal) > 0.0;
+        }
+        let carrier = &mut arrival.carrier;
+        if carrier.notes_path {
+            let sample = scratch.samples[carrier.place.path as usize].sample;
+            scratch.film.note_path(carrier.place.pixel, sample, arrival.t);
+            carrier.notes_path = false;
+        }
+    }
+
+    /// Offers the water that a camera's ray has met to the film, with its depth.
+    pub(super) fn offer_water(&self, arrival: &Arrival, scratch: &mut Scratch) {
+        let contact = &arrival.contact;
+        let bed = self.matter.bed_level(contact.position.x, contact.position.z);
+        let depth = bed.map_or(0.0, |bed| (contact.position.y - bed).max(0.0));
+        self.offer(arrival, contact.shading, Vec3::ZERO, depth, scratch);
+    }
+
+    /// Offers what a camera's ray has met to the film: shading normal, velocity (m/s), depth of the water (m).
+    pub(super) fn offer(
+        &self,
+        arrival: &Arrival,
+        normal: Vec3,
+        velocity: Vec3,
+        water_depth: f32,
+        scratch: &mut Scratch,
+    ) {
+        let position = arrival.contact.position;
+        let depth = self.camera.depth(self.lowered.origin + position.as_dvec3()) as f32;
+        let sample = scratch.samples[arrival.carrier.place.path as usize].sample;
+        let nearest = Nearest { depth, sample, position, normal, velocity, water_depth, water_path: 0.0 };
+        scratch.film.offer(arrival.carrier.place.pixel, nearest);
+    }
 }
 
 /// A frame ready to be rendered: the moments of its shutter, and when a pixel has had enough.

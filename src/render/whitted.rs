@@ -12,7 +12,7 @@ use glam::Vec3;
 use super::{
     batches::{Carrier, Scratch, ShadowCarrier},
     contact::Contact,
-    film::{Layer, Nearest},
+    film::Layer,
     matte::{Matte, PASSES},
     shadow::Receiver,
     wave::Arrival,
@@ -65,29 +65,16 @@ impl World<'_> {
 
     /// A ray that met something: absorption on its way, the film's data, then light by material.
     pub(super) fn arrive(&self, mut arrival: Arrival, scratch: &mut Scratch) {
-        let Arrival { direction, t, part, contact, .. } = arrival;
-        let water = matches!(part.material, Material::Water);
-        // Which side of the water's surface is met says what the ray came through, whatever was thought before.
-        if water {
-            arrival.carrier.in_water = direction.dot(contact.normal) > 0.0;
-        }
-        let carrier = &mut arrival.carrier;
-        if carrier.notes_path {
-            let sample = scratch.samples[carrier.place.path as usize].sample;
-            scratch.film.note_path(carrier.place.pixel, sample, t);
-            carrier.notes_path = false;
-        }
+        self.note_arrival(&mut arrival, scratch);
+        let Arrival { carrier, t, part, .. } = &mut arrival;
+        let (t, water) = (*t, matches!(part.material, Material::Water));
         if carrier.in_water {
             carrier.throughput *= transmittance(self.water.absorption, t);
         }
         carrier.distance += t;
         if water {
-            if carrier.primary {
-                let depth = match self.matter.bed_level(contact.position.x, contact.position.z) {
-                    Some(bed) => (contact.position.y - bed).max(0.0),
-                    None => 0.0,
-                };
-                self.offer(&arrival, contact.shading, Vec3::ZERO, depth, scratch);
+            if arrival.carrier.primary {
+                self.offer_water(&arrival, scratch);
             }
             let open = arrival.carrier.in_water || matches!(arrival.part.shape, Shape::Sides(_));
             if open || self.shade_foam(&mut arrival, scratch) {
@@ -96,21 +83,6 @@ impl World<'_> {
         } else {
             self.shade_matte(&arrival, scratch);
         }
-    }
-
-    pub(super) fn offer(
-        &self,
-        arrival: &Arrival,
-        normal: Vec3,
-        velocity: Vec3,
-        water_depth: f32,
-        scratch: &mut Scratch,
-    ) {
-        let position = arrival.contact.position;
-        let depth = self.camera.depth(self.lowered.origin + position.as_dvec3()) as f32;
-        let sample = scratch.samples[arrival.carrier.place.path as usize].sample;
-        let nearest = Nearest { depth, sample, position, normal, velocity, water_depth, water_path: 0.0 };
-        scratch.film.offer(arrival.carrier.place.pixel, nearest);
     }
 
     /// Density of radiance in water against air, n^2.

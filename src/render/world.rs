@@ -275,7 +275,7 @@ impl<'a> World<'a> {
                 group: groups.iter().position(|group| *group == light.group).unwrap_or_default() as u16,
             })
             .collect();
-        let interface = Interface { alpha: scene.water.roughness as f32, ior: scene.water.ior as f32 };
+        let interface = Interface::from_scene(&scene.water);
         let tolerance = match scene.surface.tolerance {
             Some(metres) => [metres as f32, 0.0],
             None => [0.0, (scene.surface.accuracy * camera.pixel_angle()) as f32],

@@ -36,9 +36,6 @@ pub struct Foam {
     /// How soft the foam's edges are: 0.01 is cut out, 1 is a haze.
     #[schemars(range(min = 0.01, max = 4.0))]
     pub softness: f64,
-    /// Thickness (m) of closed foam.
-    #[schemars(range(min = 0.0, max = 1000.0))]
-    pub thickness: f64,
     /// Diffuse albedo of closed foam.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub albedo: [f64; 3],
@@ -62,7 +59,6 @@ impl Default for Foam {
             pattern: None,
             bubble: None,
             softness: 0.25,
-            thickness: 0.02,
             albedo: [0.94, 0.95, 0.96],
             aeration: 20.0,
             aeration_depth: 0.15,

@@ -133,10 +133,10 @@ pub struct Water {
     /// Schlick's reflectance at normal incidence; by default ((n-1)/(n+1))^2.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub r0: Option<f64>,
-    /// Diffuse reflectance of the surface itself (0: clear water).
+    /// Diffuse reflectance of the surface itself (0: clear water); `whitted` only.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub diffuse: [f64; 3],
-    /// Scale of the mirror reflection and of the highlight.
+    /// Scale of the mirror reflection and of the highlight; `whitted` only.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub specular: [f64; 3],
     /// `ggx`, `phong` or `none`.

@@ -122,7 +122,8 @@ impl SkySampler {
     }
 
     /// Columns (eastward from north) and rows (zenith first) of the table.
-    pub fn resolution(&self) -> (usize, usize) {
+    #[cfg(test)]
+    fn resolution(&self) -> (usize, usize) {
         (self.columns, self.rows)
     }
 }

@@ -98,11 +98,6 @@ impl Bounds {
         self.levels.len()
     }
 
-    /// Bytes held.
-    pub(super) fn bytes(&self) -> u64 {
-        self.levels.iter().map(|level| (level.blocks.len() * size_of::<Block>()) as u64).sum()
-    }
-
     /// Bits of the boxes of a block (row by row) that may send light to the point.
     ///
     /// `corner` is the middle of the first box in x and z and the height 0, relative to the point (m); `half` are the

@@ -48,11 +48,6 @@ impl Manifold {
         Self { lattice: surface.lattice().clone(), bounds: Bounds::new(surface.lattice()) }
     }
 
-    /// Bytes held.
-    pub fn bytes(&self) -> u64 {
-        self.bounds.bytes() + (self.lattice.heights.len() * size_of::<f32>()) as u64
-    }
-
     /// Finds all places of the surface that send light from `target` to `from`; `found` is cleared first. Their order
     /// depends on nothing but the arguments.
     ///

@@ -97,8 +97,7 @@ impl World<'_> {
         let Asker { position, carrier, value, caustic_layer: layer, .. } = *asker;
         // What is seen at first sight is asked for every time, what comes after it one time in a few, for as many times the
         // light: a search costs as much as many rays.
-        let later = carrier.path.diffuse + carrier.path.scattered.min(1) as u16 > 0;
-        let times = if later {
+        let times = if carrier.path.is_later() {
             if self.numbers(carrier, Purpose::Cover, scratch)[1 + facet / 2] * LATER >= 1.0 {
                 return;
             }
@@ -156,6 +155,7 @@ impl World<'_> {
     fn push_connection(&self, from: Vec3, connection: &Connection, link: Link, tolerance: f32, scratch: &mut Scratch) {
         let rounding = 12.0 * f32::EPSILON * connection.surface.abs().max_element();
         let margin = 2.0 * (tolerance + self.secondary_tolerance[1] * connection.distance) + rounding;
+        // Flatter than a degree, and for points nearer than the margin, a leg of half the length asks for what it can.
         let slant = connection.direction.dot(connection.normal).abs().max(0.02);
         let reach = connection.distance - margin / slant;
         let start = connection.surface + connection.normal * margin;

@@ -17,6 +17,7 @@ use super::{
     share,
 };
 use crate::lower::Shape;
+
 impl World<'_> {
     /// A path that met something diffuse: it passes with the chance that it is let through, or is thrown back.
     pub(super) fn path_matte(&self, arrival: &Arrival, scratch: &mut Scratch) {
@@ -82,7 +83,7 @@ impl World<'_> {
         let layer = carrier.layer.unwrap_or(matte.own_layer);
         let carrier =
             Carrier { guide: 0.0, layer: Some(layer), throughput: carrier.throughput * matte.albedo, ..*carrier };
-        let first = carrier.path.diffuse == 0 && carrier.path.scattered == 0;
+        let first = !carrier.path.is_later();
         let caustic_layer =
             if carrier.in_water && first && layer == Layer::Refraction { Layer::Caustics } else { layer };
         let asked = if carrier.in_water {

@@ -102,7 +102,7 @@ impl World<'_> {
 
     #[inline]
     fn clamped(&self, path: &PathState, light: Vec3, scratch: &mut Scratch) -> Vec3 {
-        let Some(limit) = self.limits.clamp.filter(|_| path.diffuse + path.scattered.min(1) as u16 > 0) else {
+        let Some(limit) = self.limits.clamp.filter(|_| path.is_later()) else {
             return light;
         };
         let brightest = light.max_element();
@@ -151,18 +151,10 @@ impl World<'_> {
 
     /// A ray that met something.
     pub(super) fn path_arrive(&self, mut arrival: Arrival, scratch: &mut Scratch) {
-        let Arrival { origin, direction, t, part, contact, .. } = arrival;
+        self.note_arrival(&mut arrival, scratch);
+        let Arrival { carrier, origin, direction, t, part, .. } = &mut arrival;
+        let (origin, direction, t) = (*origin, *direction, *t);
         let water = matches!(part.material, Material::Water);
-        let carrier = &mut arrival.carrier;
-        // Which side of the water's surface is met says what the ray came through, whatever was thought before.
-        if water {
-            carrier.in_water = direction.dot(contact.normal) > 0.0;
-        }
-        if carrier.notes_path {
-            let sample = scratch.samples[carrier.place.path as usize].sample;
-            scratch.film.note_path(carrier.place.pixel, sample, t);
-            carrier.notes_path = false;
-        }
         let lamp = self.lamp_on_the_way(origin, direction, t);
         let reach = lamp.map_or(t, |(_, t)| t);
         if carrier.in_water && !self.pass_water(carrier, origin, direction, reach, scratch) {
@@ -174,12 +166,8 @@ impl World<'_> {
         }
         carrier.distance += t;
         if water {
-            if carrier.primary {
-                let depth = match self.matter.bed_level(contact.position.x, contact.position.z) {
-                    Some(bed) => (contact.position.y - bed).max(0.0),
-                    None => 0.0,
-                };
-                self.offer(&arrival, contact.shading, Vec3::ZERO, depth, scratch);
+            if arrival.carrier.primary {
+                self.offer_water(&arrival, scratch);
             }
             if !self.path_foam(&arrival, scratch) {
                 self.path_border(&arrival, scratch);

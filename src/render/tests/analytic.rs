@@ -260,7 +260,7 @@ fn foam_is_a_diffuse_share_of_the_water_and_leaves_the_rest_as_it_was() {
         let mut setup = Setup::new(scene, parts, [0.0, 2.0, 3.0], [0.0; 3]);
         setup.matter = Flat { water: Some(0.0), bed: Some(-1.0), albedo: Vec3::ONE, ..Flat::default() };
         let (without, _) = setup.render();
-        let look = FoamLook { cover, albedo: Vec3::new(0.9, 0.8, 0.7), thickness: 0.01, density: cover };
+        let look = FoamLook { cover, albedo: Vec3::new(0.9, 0.8, 0.7), density: cover };
         setup.matter.foam = Some(look);
         let (with, _) = setup.render();
         let sun = Sun::build(&setup.scene.sun, &setup.scene.sky);
