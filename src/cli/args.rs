@@ -104,8 +104,8 @@ pub struct RenderArgs {
     /// The scene and its overrides.
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// The picture: .exr .png .jpg .bmp .tif; #### is the frame number (repeatable) [default: an EXR named after the
-    /// scene, in this folder]
+    /// The picture: .exr .png .jpg .bmp .tif; #### is the frame number, put before the ending of a name without one when
+    /// there are several frames (repeatable) [default: an EXR named after the scene, in this folder]
     #[arg(short, long, value_name = "OUT")]
     pub output: Vec<PathBuf>,
     /// Render one frame [default: all]

@@ -156,8 +156,12 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
         )
         .into());
     }
-    for output in &arguments.output {
-        naming::check_frames(output, numbers.len()).map_err(anyhow::Error::from)?;
+    let mut outputs = arguments.output.clone();
+    // Several frames under one name would overwrite one another.
+    for output in &mut outputs {
+        if numbers.len() > 1 {
+            *output = naming::numbered(output);
+        }
         for &number in &numbers {
             output::check(&naming::with_frame(output, number), &options).map_err(anyhow::Error::from)?;
         }
@@ -173,7 +177,7 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
     let path = camera_path(&loaded, &frames)?;
     Ok(Run {
         arguments,
-        outputs: arguments.output.clone(),
+        outputs,
         frames,
         numbers,
         options,

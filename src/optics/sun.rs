@@ -23,6 +23,12 @@ pub struct Sun {
     pub disc_radiance: Vec3,
     /// Cosine of the disc's angular radius: a direction d looks into the disc where d . direction >= this.
     pub cos_radius: f32,
+    /// Two unit vectors that span the disc.
+    spanned_by: [Vec3; 2],
+    /// 1 - cos of the disc's angular radius, to all digits.
+    rim: f32,
+    /// 1 over the disc's solid angle.
+    pdf: f32,
 }
 
 impl Sun {
@@ -41,11 +47,16 @@ impl Sun {
         let scale = luminance(color);
         let color = if scale > 0.0 { color / scale } else { Vec3::ZERO };
         let irradiance = color * (sun.irradiance * visible) as f32;
+        let direction = direction(sun.elevation, sun.azimuth);
         Self {
-            direction: direction(sun.elevation, sun.azimuth),
+            direction,
             irradiance,
             disc_radiance: irradiance / solid_angle() as f32,
             cos_radius: f64::from(SUN_ANGULAR_RADIUS).cos() as f32,
+            spanned_by: direction.any_orthonormal_pair().into(),
+            // By the half angle: the difference itself would keep four digits.
+            rim: 2.0 * (SUN_ANGULAR_RADIUS / 2.0).sin().powi(2),
+            pdf: 1.0 / solid_angle() as f32,
         }
     }
 
@@ -54,10 +65,8 @@ impl Sun {
     /// On the rim itself, rounding may leave the direction outside of what [`Sun::contains`] takes.
     #[inline]
     pub fn sample(&self, u: [f32; 2]) -> Vec3 {
-        let (across, along) = self.direction.any_orthonormal_pair();
-        // 1 - cos of the angle from the centre, by the half angle: the difference itself would keep four digits.
-        let rim = 2.0 * (SUN_ANGULAR_RADIUS / 2.0).sin().powi(2);
-        let fall = rim * u[0];
+        let [across, along] = self.spanned_by;
+        let fall = self.rim * u[0];
         let side = (fall * (2.0 - fall)).sqrt();
         let (sin, cos) = (std::f32::consts::TAU * u[1]).sin_cos();
         ((1.0 - fall) * self.direction + side * (cos * across + sin * along)).normalize()
@@ -66,15 +75,14 @@ impl Sun {
     /// Density (1/sr) of the directions that [`Sun::sample`] gives: 1 over the disc's solid angle.
     #[inline]
     pub fn pdf(&self) -> f32 {
-        1.0 / solid_angle() as f32
+        self.pdf
     }
 
     /// True where a unit direction looks into the disc.
     #[inline]
     pub fn contains(&self, direction: Vec3) -> bool {
         // Chord instead of cosine: 1 - cos of the disc is 1e-5, a cosine in single precision would blur its edge by 1 %.
-        let radius = 2.0 * (SUN_ANGULAR_RADIUS / 2.0).sin();
-        (direction - self.direction).length_squared() <= radius * radius
+        (direction - self.direction).length_squared() <= 2.0 * self.rim
     }
 }
 

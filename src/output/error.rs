@@ -73,14 +73,6 @@ pub enum OutputError {
         /// The layers that the picture has.
         present: String,
     },
-    /// Several frames would be written to one file.
-    #[error("{path}: {frames} frames would overwrite one another; put #### into the name where the frame number goes")]
-    FrameMarkMissing {
-        /// The path asked for.
-        path: PathBuf,
-        /// How many frames were asked for.
-        frames: usize,
-    },
 
     // The picture is wrong.
     /// A channel is called something that a compositor would rename.

@@ -5,8 +5,6 @@ use std::path::{Path, PathBuf};
 
 use time::{OffsetDateTime, macros::format_description};
 
-use super::OutputError;
-
 /// The name without `-o`: `SCENE_Frame ####_method REPRESENTATION_DATE-TIME.exr`, as the report's section 5.4 named
 /// its files. SCENE is the scene file's stem, or its folder's name when the stem is `scene`.
 pub fn default_name(scene: &Path, frame: i64, representation: &str, when: OffsetDateTime) -> String {
@@ -57,15 +55,19 @@ pub fn partial(path: &Path) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Refuses to write several frames under one name.
-///
-/// *Errors*: more than one frame and no `#` in the file's name.
-pub fn check_frames(pattern: &Path, frames: usize) -> Result<(), OutputError> {
-    let marked = pattern.file_name().is_some_and(|n| n.to_string_lossy().contains('#'));
-    if frames > 1 && !marked {
-        return Err(OutputError::FrameMarkMissing { path: pattern.to_path_buf(), frames });
+/// A name for several frames: `NAME.####.exr` for `NAME.exr`, unless the file's name says already where the number goes.
+pub fn numbered(pattern: &Path) -> PathBuf {
+    let Some(stem) = pattern.file_stem() else { return pattern.to_path_buf() };
+    if pattern.file_name().is_some_and(|name| name.to_string_lossy().contains('#')) {
+        return pattern.to_path_buf();
     }
-    Ok(())
+    let mut name = stem.to_os_string();
+    name.push(".####");
+    if let Some(extension) = pattern.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    pattern.with_file_name(name)
 }
 
 #[cfg(test)]
@@ -104,10 +106,9 @@ mod tests {
     }
 
     #[test]
-    fn several_frames_need_a_mark() {
-        assert!(check_frames(Path::new("a.exr"), 1).is_ok());
-        assert!(check_frames(Path::new("a.##.exr"), 48).is_ok());
-        let error = check_frames(Path::new("d#/a.exr"), 48).unwrap_err().to_string();
-        assert!(error.contains("48 frames") && error.contains("####"), "{error}");
+    fn several_frames_never_share_a_name() {
+        assert_eq!(numbered(Path::new("d#/a.exr")), Path::new("d#/a.####.exr"));
+        assert_eq!(numbered(Path::new("a.##.exr")), Path::new("a.##.exr"));
+        assert_eq!(numbered(Path::new("b")), Path::new("b.####"));
     }
 }

@@ -188,6 +188,8 @@ pub(super) struct Limits {
     pub(super) scattered: u32,
     /// Of how many of the camera's samples how many search for light by way of the surface at first sight.
     pub(super) searches: [u32; 2],
+    /// Width (m) of the smallest part of the surface that the search looks into.
+    pub(super) caustic_tolerance: f32,
     /// Greatest contribution after the first such event.
     pub(super) clamp: Option<f32>,
 }
@@ -307,6 +309,7 @@ impl<'a> World<'a> {
                 diffuse: scene.render.diffuse_depth,
                 scattered: scene.render.volume_depth,
                 searches: [scene.render.samples, scene.render.caustic_samples.unwrap_or(scene.render.samples)],
+                caustic_tolerance: 0.0,
                 clamp: scene.render.clamp.map(|limit| limit as f32),
             },
             most_bubbles: matter.most_bubbles(),
@@ -318,6 +321,8 @@ impl<'a> World<'a> {
         let lit = !world.lamps.is_empty() || world.sun.irradiance.max_element() > 0.0;
         if let Some(water) = moment.water.filter(|_| lit && caustics != scene::Caustics::Off) {
             // Beams carry the sun to the bed alone: what is scattered in the water, and lamps, still ask the surface.
+            let column = water.lattice().width.into_iter().fold(f64::INFINITY, f64::min);
+            world.limits.caustic_tolerance = (scene.render.caustic_accuracy * column) as f32;
             world.manifold = Some(Manifold::new(water));
             if caustics == scene::Caustics::Beams {
                 let sun = BeamSun {

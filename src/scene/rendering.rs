@@ -68,9 +68,13 @@ pub struct Render {
     /// plain spline as the surface's representation, not displaced.
     pub caustics: Option<Caustics>,
     /// Searches of `manifold` per pixel for what the camera sees at first sight, shared out among its `samples`, each for as
-    /// many times the light; by default every sample makes its own.
+    /// many times the light; by default every sample makes its own. Those after first sight grow fewer in the same way.
     #[schemars(range(min = 1, max = 65536))]
     pub caustic_samples: Option<u32>,
+    /// Width, in columns, of the smallest part of the surface that `manifold` looks into by itself: two ways to a light that
+    /// are nearer to each other may be missed, and are counted.
+    #[schemars(range(min = 0.000001, max = 1.0))]
+    pub caustic_accuracy: f64,
     /// Whether light that the surface mirrors onto what stands above it is found by `manifold` too. A wavy surface has
     /// hundreds of glints for one point of a bank: without this they are left to chance, which rough water serves well.
     pub mirrored_caustics: bool,
@@ -110,8 +114,9 @@ impl Default for Render {
             integrator: Integrator::Whitted,
             caustics: None,
             caustic_samples: None,
+            caustic_accuracy: 0.01,
             mirrored_caustics: false,
-            beam_samples: 8,
+            beam_samples: 4,
             seed: 0,
             depth: 8,
             diffuse_depth: 4,

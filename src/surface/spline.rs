@@ -38,6 +38,11 @@ impl SplineSurface {
         &self.lattice
     }
 
+    /// The instruction set that it is solved with.
+    pub(crate) fn simd(&self) -> SimdLevel {
+        self.simd
+    }
+
     /// The solver's name.
     pub fn solver(&self) -> SolverKind {
         self.solver

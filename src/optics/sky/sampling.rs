@@ -17,7 +17,7 @@ use crate::optics::luminance;
 const MOST_COLUMNS: usize = 1024;
 const MOST_ROWS: usize = 512;
 
-/// Cells of a sky that is a formula: its steepest slope, at the horizon, spans several.
+/// Cells of a sky that is a formula, one look each: its steepest slope, at the horizon, spans several.
 const FORMULA_COLUMNS: usize = 512;
 const FORMULA_ROWS: usize = 256;
 
@@ -54,19 +54,19 @@ impl SkySampler {
             let (top, bottom) = (PI * row as f64 / rows as f64, PI * (row + 1) as f64 / rows as f64);
             4.0 * PI / columns as f64 * (0.5 * (top + bottom)).sin() * (0.5 * (bottom - top)).sin()
         };
+        let headings: Vec<Heading> =
+            (0..columns * looks).map(|look| Heading::new((look as f64 + 0.5) / (columns * looks) as f64)).collect();
         let mut power: Vec<f64> = vec![0.0; columns * rows];
         power.par_chunks_mut(columns).enumerate().for_each(|(row, cells)| {
-            for (column, cell) in cells.iter_mut().enumerate() {
-                let mut sum = 0.0;
-                for y in 0..looks {
-                    let v = (row as f64 + (y as f64 + 0.5) / looks as f64) / rows as f64;
-                    for x in 0..looks {
-                        let u = (column as f64 + (x as f64 + 0.5) / looks as f64) / columns as f64;
-                        sum += f64::from(luminance(look(sky, u, v)));
-                    }
+            for y in 0..looks {
+                let slope = Slope::new((row as f64 + (y as f64 + 0.5) / looks as f64) / rows as f64);
+                for (cell, headings) in cells.iter_mut().zip(headings.chunks(looks)) {
+                    *cell +=
+                        headings.iter().map(|heading| f64::from(luminance(look(sky, heading, &slope)))).sum::<f64>();
                 }
-                *cell = sum / (looks * looks) as f64 * solid(row);
             }
+            let weight = solid(row) / (looks * looks) as f64;
+            cells.iter_mut().for_each(|cell| *cell *= weight);
         });
         // Row by row, in order: the same bits whoever filled the rows.
         let total: f64 = power.chunks(columns).map(|row| row.iter().sum::<f64>()).sum();
@@ -132,7 +132,7 @@ impl SkySampler {
 fn resolution(sky: &Sky) -> (usize, usize, usize) {
     let (width, height) = match &sky.kind {
         Kind::Constant(_) => return (1, 1, 1),
-        Kind::Analytic(_) => return (FORMULA_COLUMNS, FORMULA_ROWS, 2),
+        Kind::Analytic(_) => return (FORMULA_COLUMNS, FORMULA_ROWS, 1),
         Kind::LatLong { image, .. } => (image.width(), image.height()),
         // Even, so that a row's border lies on the horizon, where one texture ends.
         Kind::Skybox { above, below, .. } => {
@@ -146,20 +146,47 @@ fn resolution(sky: &Sky) -> (usize, usize, usize) {
     (columns, rows, if pixels == 1 { 2 } else { pixels })
 }
 
-/// Unit direction of a place in the table (azimuth and angle from the zenith as shares of 360 and 180 degrees).
-fn direction(u: f64, v: f64) -> Vec3 {
-    let ((sin, cos), (side, y)) = ((2.0 * PI * u).sin_cos(), (PI * v).sin_cos());
-    Vec3::new((side * sin) as f32, y as f32, (-side * cos) as f32)
+/// An azimuth as a share of 360 degrees from north, eastward, with its sine and cosine.
+struct Heading {
+    u: f64,
+    sine: f64,
+    cosine: f64,
+}
+
+impl Heading {
+    fn new(u: f64) -> Self {
+        let (sine, cosine) = (2.0 * PI * u).sin_cos();
+        Self { u, sine, cosine }
+    }
+}
+
+/// An angle from the zenith as a share of 180 degrees, with its sine and cosine.
+struct Slope {
+    v: f64,
+    sine: f64,
+    cosine: f64,
+}
+
+impl Slope {
+    fn new(v: f64) -> Self {
+        let (sine, cosine) = (PI * v).sin_cos();
+        Self { v, sine, cosine }
+    }
+}
+
+/// Unit direction of a place in the table.
+fn direction(heading: &Heading, slope: &Slope) -> Vec3 {
+    let (x, z) = (slope.sine * heading.sine, -slope.sine * heading.cosine);
+    Vec3::new(x as f32, slope.cosine as f32, z as f32)
 }
 
 /// Radiance at a place of the table; images are asked without the way through a direction.
-fn look(sky: &Sky, u: f64, v: f64) -> Vec3 {
+fn look(sky: &Sky, heading: &Heading, slope: &Slope) -> Vec3 {
+    let (u, v) = (heading.u as f32, slope.v as f32);
     match &sky.kind {
-        Kind::LatLong { image, turn } => image.at(u as f32 - turn, v as f32) * sky.scale,
-        Kind::Skybox { above, below, turn } => {
-            (if v < 0.5 { above } else { below }).at(u as f32 - turn, v as f32) * sky.scale
-        }
-        Kind::Constant(_) | Kind::Analytic(_) => sky.radiance(direction(u, v)),
+        Kind::LatLong { image, turn } => image.at(u - turn, v) * sky.scale,
+        Kind::Skybox { above, below, turn } => (if slope.v < 0.5 { above } else { below }).at(u - turn, v) * sky.scale,
+        Kind::Constant(_) | Kind::Analytic(_) => sky.radiance(direction(heading, slope)),
     }
 }
 
@@ -260,7 +287,10 @@ mod tests {
                 let height = |row: usize| (PI * row as f64 / rows as f64).cos();
                 let solid = (height(row) - height(row + 1)) * 2.0 * PI / columns as f64;
                 for column in 0..columns {
-                    let d = direction((column as f64 + 0.5) / columns as f64, (row as f64 + 0.5) / rows as f64);
+                    let d = direction(
+                        &Heading::new((column as f64 + 0.5) / columns as f64),
+                        &Slope::new((row as f64 + 0.5) / rows as f64),
+                    );
                     let density = sampler.pdf(d);
                     assert!(density > 0.0 && density.is_finite(), "{name} {column} {row}");
                     sum += f64::from(density) * solid;
@@ -347,7 +377,7 @@ mod tests {
                 let (d, density) = sampler.sample(random.two());
                 drawn.add(f64::from(sky.radiance(d).y * d.y.max(0.0) / density));
                 let (y, azimuth) = (2.0 * f64::from(random.one()) - 1.0, random.one());
-                let d = direction(f64::from(azimuth), y.acos() / PI);
+                let d = direction(&Heading::new(f64::from(azimuth)), &Slope::new(y.acos() / PI));
                 even.add(f64::from(sky.radiance(d).y * d.y.max(0.0)) * 4.0 * PI);
             }
             // The irradiance upward is exact for the image's cells; interpolation spreads the spot, 4 pixels, over 36.

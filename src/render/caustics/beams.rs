@@ -122,7 +122,7 @@ impl BeamMap {
         };
         let area = 0.5 * width[0] * width[1];
         let rows: Vec<Vec<Beam>> = lines
-            .windows(2)
+            .par_windows(2)
             .map(|pair| {
                 let triangles = (0..size[0]).flat_map(|k| {
                     let (a, b) = (&pair[0].0[k..k + 2], &pair[1].0[k..k + 2]);

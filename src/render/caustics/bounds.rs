@@ -102,7 +102,7 @@ impl Bounds {
     ///
     /// `corner` is the middle of the first box in x and z and the height 0, relative to the point (m); `half` are the
     /// boxes' half widths.
-    #[inline]
+    #[inline(always)]
     pub(super) fn survivors<const POINT: bool>(
         &self,
         level: usize,

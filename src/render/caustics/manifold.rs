@@ -30,7 +30,10 @@ use super::{
     bounds::{Bounds, LANES, Probe, SIDE},
     search::{self, Light, Query},
 };
-use crate::surface::{Lattice, SplineSurface};
+use crate::{
+    simd::{self, Kernel, Simd, SimdLevel},
+    surface::{Lattice, SplineSurface},
+};
 
 /// Coordinates (m) from which on squares leave single precision's range.
 const FARTHEST: f32 = 1e15;
@@ -40,12 +43,33 @@ const FARTHEST: f32 = 1e15;
 pub struct Manifold {
     lattice: Lattice,
     bounds: Bounds,
+    simd: SimdLevel,
+}
+
+/// Boxes of a level that are still to be looked into.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pending {
+    block: [usize; 2],
+    /// Bits of the boxes.
+    left: u16,
+}
+
+/// Levels that a lattice may have: four times as many columns for each.
+const MOST_LEVELS: usize = 32;
+
+/// A query through all levels, with the widest instructions of the processor. No sum is contracted or reordered: they do
+/// not show in the bits.
+struct Descent<'m, 'q, 'a, const K: usize, const POINT: bool> {
+    manifold: &'m Manifold,
+    probe: Probe,
+    query: &'q mut Query<'a>,
 }
 
 impl Manifold {
     /// A copy of the surface's control heights, under a pyramid of their bounds in height and slope.
     pub fn new(surface: &SplineSurface) -> Self {
-        Self { lattice: surface.lattice().clone(), bounds: Bounds::new(surface.lattice()) }
+        let lattice = surface.lattice();
+        Self { lattice: lattice.clone(), bounds: Bounds::new(lattice), simd: surface.simd() }
     }
 
     /// Finds all places of the surface that send light from `target` to `from`; `found` is cleared first. Their order
@@ -108,45 +132,69 @@ impl Manifold {
             Light::Point(place) => place - query.from,
         };
         let probe = Probe { ior: index, light: to_light.as_vec3().to_array(), tilt };
-        let top = self.bounds.levels() - 1;
+        macro_rules! descend {
+            ($order:literal, $point:literal) => {
+                simd::dispatch(self.simd, Descent::<$order, $point> { manifold: self, probe, query: &mut query })
+            };
+        }
         match (self.lattice.order, place) {
-            (2, false) => self.visit::<2, false>(top, [0; 2], &probe, &mut query),
-            (2, true) => self.visit::<2, true>(top, [0; 2], &probe, &mut query),
-            (3, false) => self.visit::<3, false>(top, [0; 2], &probe, &mut query),
-            (3, true) => self.visit::<3, true>(top, [0; 2], &probe, &mut query),
-            (_, false) => self.visit::<4, false>(top, [0; 2], &probe, &mut query),
-            (_, true) => self.visit::<4, true>(top, [0; 2], &probe, &mut query),
+            (2, false) => descend!(2, false),
+            (2, true) => descend!(2, true),
+            (3, false) => descend!(3, false),
+            (3, true) => descend!(3, true),
+            (_, false) => descend!(4, false),
+            (_, true) => descend!(4, true),
         }
         let unsettled = query.unsettled;
         counts.gave_up += u64::from(unsettled);
         counts.solutions += found.len() as u64;
     }
+}
 
-    /// Searches what a block's boxes leave.
-    fn visit<const K: usize, const POINT: bool>(
-        &self,
-        level: usize,
-        block: [usize; 2],
-        probe: &Probe,
-        query: &mut Query,
-    ) {
+impl<const K: usize, const POINT: bool> Kernel for Descent<'_, '_, '_, K, POINT> {
+    type Output = ();
+
+    /// Searches what the boxes of every level leave, in the order of their places within each block.
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) {
+        let bounds = &self.manifold.bounds;
+        let mut level = bounds.levels() - 1;
+        let mut pending = [Pending::default(); MOST_LEVELS];
+        pending[level] = self.look([0; 2], level);
+        loop {
+            let Pending { block, left } = pending[level];
+            if left == 0 {
+                level += 1;
+                if level == bounds.levels() {
+                    return;
+                }
+                continue;
+            }
+            pending[level].left = left & (left - 1);
+            let lane = left.trailing_zeros() as usize;
+            debug_assert!(lane < LANES);
+            let inner = [block[0] * SIDE + lane % SIDE, block[1] * SIDE + lane / SIDE];
+            if level == 0 {
+                search::patch::<K>(&self.manifold.lattice, inner, self.query);
+            } else {
+                level -= 1;
+                pending[level] = self.look(inner, level);
+            }
+        }
+    }
+}
+
+impl<const K: usize, const POINT: bool> Descent<'_, '_, '_, K, POINT> {
+    /// What is left of a block's boxes.
+    #[inline(always)]
+    fn look(&self, block: [usize; 2], level: usize) -> Pending {
+        let Self { manifold: Manifold { lattice, bounds, .. }, probe, query } = self;
         // A box of this level is as many patches wide.
         let box_width = SIDE.pow(level as u32) as f64;
         let first = block.map(|b| (b * SIDE) as f64 * box_width + 0.5 * box_width);
-        let [x, z] = self.lattice.from_cell(first);
+        let [x, z] = lattice.from_cell(first);
         let corner = [(x - query.from.x) as f32, -query.from.y as f32, (z - query.from.z) as f32];
-        let half = self.lattice.width.map(|width| (0.5 * box_width * width) as f32);
-        let mut left = self.bounds.survivors::<POINT>(level, block, corner, half, probe);
-        while left != 0 {
-            let lane = left.trailing_zeros() as usize;
-            debug_assert!(lane < LANES);
-            left &= left - 1;
-            let inner = [block[0] * SIDE + lane % SIDE, block[1] * SIDE + lane / SIDE];
-            if level == 0 {
-                search::patch::<K>(&self.lattice, inner, query);
-            } else {
-                self.visit::<K, POINT>(level - 1, inner, probe, query);
-            }
-        }
+        let half = lattice.width.map(|width| (0.5 * box_width * width) as f32);
+        Pending { block, left: bounds.survivors::<POINT>(level, block, corner, half, probe) }
     }
 }

@@ -9,6 +9,7 @@ mod beams;
 mod bounds;
 mod manifold;
 mod raster;
+mod screen;
 mod search;
 
 pub use beams::{BeamError, BeamMap, BeamSun};

@@ -10,7 +10,10 @@
 
 use glam::DVec3;
 
-use super::{Connection, Event, ManifoldCounts};
+use super::{
+    Connection, Event, ManifoldCounts,
+    screen::{self, Screen},
+};
 use crate::surface::Lattice;
 
 /// Cells are closed and reach over their borders by this share of a patch, so that rounding on either side of a border
@@ -35,6 +38,10 @@ const LAST_STEP: f64 = 1e-9;
 /// point some fifty. Only where whole areas focus on the point are there more.
 const MOST_CELLS: u32 = 1024;
 
+/// Cells whose parts may wait: one for every halving, of which single precision has 24 before two places are one, and some
+/// that have shrunk in between.
+const MOST_WAITING: usize = 32;
+
 /// The light of a query.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Light {
@@ -43,6 +50,7 @@ pub(super) enum Light {
 }
 
 impl Light {
+    #[inline(always)]
     fn moved(self, by: DVec3) -> Self {
         match self {
             Self::Direction(to) => Self::Direction(to),
@@ -66,9 +74,12 @@ pub(super) struct Query<'a> {
     pub(super) unsettled: bool,
     border: [[f64; 2]; BORDER_ROOTS],
     border_count: usize,
+    /// Cells still to be searched; the last comes first.
+    waiting: [Waiting; MOST_WAITING],
 }
 
 impl<'a> Query<'a> {
+    #[inline(always)]
     pub(super) fn new(
         from: DVec3,
         event: Event,
@@ -79,11 +90,13 @@ impl<'a> Query<'a> {
         found: &'a mut Vec<Connection>,
         counts: &'a mut ManifoldCounts,
     ) -> Self {
-        let border = [[0.0; 2]; BORDER_ROOTS];
-        Self { from, event, light, ior, tilt, tolerance, found, counts, unsettled: false, border, border_count: 0 }
+        let (border, waiting) = ([[0.0; 2]; BORDER_ROOTS], [Waiting::NONE; MOST_WAITING]);
+        let (unsettled, border_count) = (false, 0);
+        Self { from, event, light, ior, tilt, tolerance, found, counts, unsettled, border, border_count, waiting }
     }
 
     /// Whether a root on a border, in cell coordinates of the whole lattice, is met for the first time.
+    #[inline(always)]
     fn is_new(&mut self, at: [f64; 2]) -> bool {
         let met = &self.border[..self.border_count.min(BORDER_ROOTS)];
         if met.iter().any(|other| (0..2).all(|axis| (other[axis] - at[axis]).abs() <= 4.0 * BORDER)) {
@@ -103,6 +116,53 @@ struct Cell {
     half: [f64; 2],
 }
 
+impl Cell {
+    const NONE: Self = Self { middle: [0.0; 2], half: [0.0; 2] };
+}
+
+/// Parts of a cell that wait to be searched.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    whole: Cell,
+    /// The part of the patch that a cell answers for: the cell itself, or what it was before it shrank.
+    leaf: Option<Cell>,
+    /// How many parts the cell has along each axis.
+    split: [usize; 2],
+    /// Bits of those that wait, row by row.
+    left: u16,
+}
+
+impl Waiting {
+    const NONE: Self = Self { whole: Cell::NONE, leaf: None, split: [1; 2], left: 0 };
+
+    /// The first part that waits, and what it answers for; it does not wait any more.
+    #[inline(always)]
+    fn next(&mut self) -> (Cell, Cell) {
+        let lane = self.left.trailing_zeros() as usize;
+        self.left &= self.left.wrapping_sub(1);
+        let place = [lane % self.split[0], lane / self.split[0]];
+        let mut part = self.whole;
+        for axis in 0..2 {
+            let share = 1.0 / self.split[axis] as f64;
+            part.middle[axis] += part.half[axis] * (share * (2 * place[axis] + 1) as f64 - 1.0);
+            part.half[axis] *= share;
+        }
+        (part, self.leaf.unwrap_or(part))
+    }
+}
+
+/// What becomes of a cell.
+enum Verdict {
+    /// No root is in it.
+    Empty,
+    /// One root at most; the number is κ.
+    Newton(f64),
+    /// All roots are in a part of it.
+    Shrunk(Cell),
+    /// Nothing is known.
+    Open,
+}
+
 /// Height and its derivatives along α and β.
 #[derive(Clone, Copy, Debug)]
 struct Jet {
@@ -117,7 +177,7 @@ struct Polynomial<const K: usize>([[f64; K]; K]);
 
 impl<const K: usize> Polynomial<K> {
     /// A patch about its middle, in patch widths.
-    #[inline]
+    #[inline(always)]
     fn of_patch(lattice: &Lattice, i: usize, j: usize) -> Self {
         let mut coefficients = [[0.0; K]; K];
         let mut rows = [[0.0; K]; K];
@@ -132,18 +192,20 @@ impl<const K: usize> Polynomial<K> {
     }
 
     /// The same over a cell, from -1 to 1.
-    #[inline]
+    #[inline(always)]
     fn over(&self, cell: &Cell) -> Self {
         let mut p = self.0;
         let [x, y] = cell.middle;
-        for start in 0..K - 1 {
+        // Most cells are whole patches.
+        let moved = x != 0.0 || y != 0.0;
+        for start in 0..if moved { K - 1 } else { 0 } {
             for k in (start..K - 1).rev() {
                 for b in 0..K {
                     p[k][b] += x * p[k + 1][b];
                 }
             }
         }
-        for start in 0..K - 1 {
+        for start in 0..if moved { K - 1 } else { 0 } {
             for k in (start..K - 1).rev() {
                 for a in 0..K {
                     p[a][k] += y * p[a][k + 1];
@@ -162,14 +224,14 @@ impl<const K: usize> Polynomial<K> {
         Self(p)
     }
 
-    #[inline]
+    #[inline(always)]
     fn jet_at_middle(&self) -> Jet {
         let p = &self.0;
         let (aa, bb) = if K > 2 { (2.0 * p[2.min(K - 1)][0], 2.0 * p[0][2.min(K - 1)]) } else { (0.0, 0.0) };
         Jet { height: p[0][0], first: [p[1][0], p[0][1]], second: [[aa, p[1][1]], [p[1][1], bb]] }
     }
 
-    #[inline]
+    #[inline(always)]
     fn jet(&self, [x, y]: [f64; 2]) -> Jet {
         // Every column's value and derivatives along β, then the same along α.
         let columns: [[f64; 3]; K] = std::array::from_fn(|a| horner(&self.0[a], y));
@@ -180,7 +242,7 @@ impl<const K: usize> Polynomial<K> {
     }
 
     /// Most that height, first and second derivatives differ by, over the cell, from what they are at its middle.
-    #[inline]
+    #[inline(always)]
     fn ranges(&self) -> Jet {
         let mut ranges = Jet { height: 0.0, first: [0.0; 2], second: [[0.0; 2]; 2] };
         for a in 0..K {
@@ -205,7 +267,7 @@ impl<const K: usize> Polynomial<K> {
 }
 
 /// Value, first and second derivative of a polynomial.
-#[inline]
+#[inline(always)]
 fn horner<const K: usize>(p: &[f64; K], x: f64) -> [f64; 3] {
     let (mut value, mut first, mut half_second) = (p[K - 1], 0.0, 0.0);
     for k in (0..K - 1).rev() {
@@ -217,7 +279,7 @@ fn horner<const K: usize>(p: &[f64; K], x: f64) -> [f64; 3] {
 }
 
 /// B-spline heights to powers of the place from the middle of the span, in spans.
-#[inline]
+#[inline(always)]
 fn powers<const K: usize>(h: [f64; K]) -> [f64; K] {
     let mut p = [0.0; K];
     match *h.as_slice() {
@@ -251,11 +313,13 @@ struct Law {
 }
 
 impl Law {
+    #[inline(always)]
     fn determinant(&self) -> f64 {
         self.j[0][0] * self.j[1][1] - self.j[0][1] * self.j[1][0]
     }
 
     /// adj J · F.
+    #[inline(always)]
     fn adjugate_f(&self) -> [f64; 2] {
         let ([f, g], [[a, b], [c, d]]) = (self.f, self.j);
         [d * f - b * g, a * g - c * f]
@@ -263,7 +327,7 @@ impl Law {
 }
 
 /// tᵢ · (I - d dᵀ) tⱼ
-#[inline]
+#[inline(always)]
 fn across(d: DVec3, a: DVec3, b: DVec3) -> f64 {
     a.dot(b) - d.dot(a) * d.dot(b)
 }
@@ -283,6 +347,7 @@ struct Patch<'q, 'a, const K: usize> {
 }
 
 /// Appends every place of a patch that sends light to the query's point.
+#[inline(always)]
 pub(super) fn patch<const K: usize>(lattice: &Lattice, cell: [usize; 2], query: &mut Query) {
     let width = lattice.width;
     let mut part = Cell { middle: [0.0; 2], half: [0.5; 2] };
@@ -308,12 +373,13 @@ pub(super) fn patch<const K: usize>(lattice: &Lattice, cell: [usize; 2], query: 
         width,
         cells: 0,
     };
-    patch.search(part, part);
+    patch.search(part);
     let cells = u64::from(patch.cells);
     patch.query.counts.cells += cells;
 }
 
 impl<const K: usize> Patch<'_, '_, K> {
+    #[inline(always)]
     fn law(&self, cell: &Cell, [x, y]: [f64; 2], jet: &Jet) -> Law {
         let half: [f64; 2] = std::array::from_fn(|axis| cell.half[axis] * self.width[axis]);
         let at = |axis: usize, t: f64| (cell.middle[axis] + t * cell.half[axis]) * self.width[axis];
@@ -334,19 +400,22 @@ impl<const K: usize> Patch<'_, '_, K> {
         let tilt: [f64; 2] = std::array::from_fn(|axis| self.query.tilt[axis] * half[axis]);
         let tangents = [DVec3::new(half[0], jet.first[0], 0.0), DVec3::new(0.0, jet.first[1], half[1])];
         let tilted = [tangents[0] + DVec3::Y * tilt[0], tangents[1] + DVec3::Y * tilt[1]];
-        let j = std::array::from_fn(|i| {
-            std::array::from_fn(|k| {
-                h.y * jet.second[i][k]
-                    - n * inverse * across(to_point, tilted[i], tangents[k])
-                    - light_inverse * across(to_light, tilted[i], tangents[k])
-            })
-        });
+        let mut j = [[0.0; 2]; 2];
+        for i in 0..2 {
+            for k in 0..2 {
+                j[i][k] = h.y * jet.second[i][k] - n * inverse * across(to_point, tilted[i], tangents[k]);
+                if light_inverse > 0.0 {
+                    j[i][k] -= light_inverse * across(to_light, tilted[i], tangents[k]);
+                }
+            }
+        }
         let f = [h.dot(tilted[0]), h.dot(tilted[1])];
         Law { to_point, inverse, to_light, light_inverse, half: h, tangents, tilted, f, j }
     }
 
     /// Most that the Jacobian differs by, over the cell, from what it is at the middle; `None` if the point or the light
     /// is too near for a bound.
+    #[inline(always)]
     fn change(&self, law: &Law, jet: &Jet, ranges: &Jet, radius: f64) -> Option<[[f64; 2]; 2]> {
         let n = self.query.ior;
         let lengths = law.tangents.map(DVec3::length);
@@ -382,27 +451,59 @@ impl<const K: usize> Patch<'_, '_, K> {
         Some(change)
     }
 
-    /// Searches `cell`; `leaf` is the part of the patch that it is to answer for, larger where `cell` has shrunk already.
-    fn search(&mut self, cell: Cell, leaf: Cell) {
-        self.cells += 1;
-        if self.cells > MOST_CELLS {
-            self.query.unsettled = true;
-            return;
+    /// Searches `whole` and its parts, one after the other.
+    #[inline(always)]
+    fn search(&mut self, whole: Cell) {
+        self.query.waiting[0] = Waiting { whole, left: 1, ..Waiting::NONE };
+        let mut count = 1;
+        while count > 0 {
+            let waiting = &mut self.query.waiting[count - 1];
+            let (cell, leaf) = waiting.next();
+            count -= usize::from(waiting.left == 0);
+            self.cells += 1;
+            if self.cells > MOST_CELLS {
+                self.query.unsettled = true;
+                return;
+            }
+            let polynomial = self.polynomial.over(&cell);
+            let (jet, ranges) = (polynomial.jet_at_middle(), polynomial.ranges());
+            let law = self.law(&cell, [0.0; 2], &jet);
+            let size: [f64; 2] = std::array::from_fn(|axis| cell.half[axis] * self.width[axis]);
+            let contraction = match self.judge(&cell, &law, &jet, &ranges, size) {
+                Verdict::Empty => continue,
+                Verdict::Newton(contraction) => contraction,
+                Verdict::Shrunk(whole) if count < MOST_WAITING => {
+                    self.query.waiting[count] = Waiting { whole, leaf: Some(leaf), left: 1, ..Waiting::NONE };
+                    count += 1;
+                    continue;
+                }
+                Verdict::Open if 2.0 * size[0].max(size[1]) > self.query.tolerance && count < MOST_WAITING => {
+                    self.query.waiting[count] = self.divide(cell, size, &polynomial);
+                    count += usize::from(self.query.waiting[count].left != 0);
+                    continue;
+                }
+                Verdict::Shrunk(_) | Verdict::Open => {
+                    // Nothing is proven here: try once, and say that it is not settled. This rate lets the iteration
+                    // wander over the cell and no further.
+                    self.query.unsettled = true;
+                    NEWTON
+                }
+            };
+            self.iterate(&polynomial, &cell, &leaf, law, contraction);
         }
-        let polynomial = self.polynomial.over(&cell);
-        let (jet, ranges) = (polynomial.jet_at_middle(), polynomial.ranges());
-        let law = self.law(&cell, [0.0; 2], &jet);
-        let size: [f64; 2] = std::array::from_fn(|axis| cell.half[axis] * self.width[axis]);
+    }
+
+    /// What bounds over the cell say of the roots in it.
+    #[inline(always)]
+    fn judge(&self, cell: &Cell, law: &Law, jet: &Jet, ranges: &Jet, size: [f64; 2]) -> Verdict {
         let radius = (size[0] * size[0] + size[1] * size[1] + ranges.height * ranges.height).sqrt();
         let reach: [f64; 2] = std::array::from_fn(|axis| 1.0 + BORDER / cell.half[axis]);
         let room = reach[0].max(reach[1]);
-        let Some(change) = self.change(&law, &jet, &ranges, radius) else {
-            return self.halve(&cell, &leaf, size, &polynomial);
-        };
-        let Law { f, j, .. } = law;
+        let Some(change) = self.change(law, jet, ranges, radius) else { return Verdict::Open };
+        let Law { f, j, .. } = *law;
         for i in 0..2 {
             if f[i].abs() > room * (j[i][0].abs() + change[i][0] + j[i][1].abs() + change[i][1]) {
-                return;
+                return Verdict::Empty;
             }
         }
         let determinant = law.determinant().abs();
@@ -412,59 +513,57 @@ impl<const K: usize> Patch<'_, '_, K> {
             (0..2).map(|k| adjugate[i][0] * change[0][k] + adjugate[i][1] * change[1][k]).sum()
         });
         if (0..2).any(|i| step[i].abs() > room * (determinant + doubt[i])) {
-            return;
+            return Verdict::Empty;
         }
         let most = doubt[0].max(doubt[1]);
         if most <= NEWTON * determinant {
-            return self.iterate(&polynomial, &cell, &leaf, law, most / determinant);
+            return Verdict::Newton(most / determinant);
         }
         if most <= CONTRACT * determinant {
             let signed = law.determinant();
-            let mut shrunk = cell;
+            let mut shrunk = *cell;
             for axis in 0..2 {
                 // Around the root, and not beyond the cell.
                 let (root, ball) = (-step[axis] / signed, room * doubt[axis] / determinant);
                 let low = (root - ball).max(-reach[axis]);
                 let high = (root + ball).min(reach[axis]);
                 if !(low < high) {
-                    return;
+                    return Verdict::Empty;
                 }
                 shrunk.middle[axis] += 0.5 * (low + high) * cell.half[axis];
                 shrunk.half[axis] *= 0.5 * (high - low);
             }
-            return self.search(shrunk, leaf);
+            return Verdict::Shrunk(shrunk);
         }
-        self.halve(&cell, &leaf, size, &polynomial);
+        Verdict::Open
     }
 
-    /// Searches halves or quarters, or at the tolerance tries once and says that it is not settled.
-    fn halve(&mut self, cell: &Cell, leaf: &Cell, size: [f64; 2], polynomial: &Polynomial<K>) {
-        let widest = size[0].max(size[1]);
-        if !(2.0 * widest > self.query.tolerance) {
-            self.query.unsettled = true;
-            let law = self.law(cell, [0.0; 2], &polynomial.jet_at_middle());
-            // Nothing is proven here: the last rate lets the iteration wander over the cell and no further.
-            return self.iterate(polynomial, cell, leaf, law, NEWTON);
+    /// Parts of a cell that may hold a root: of sixteenths, or of halves or quarters where less is to be divided.
+    #[inline(always)]
+    fn divide(&self, whole: Cell, size: [f64; 2], polynomial: &Polynomial<K>) -> Waiting {
+        let [x, z] = size;
+        if x.max(z) > self.query.tolerance && 2.0 * x.min(z) >= x.max(z) {
+            let middle = [0, 1].map(|axis| whole.middle[axis] * self.width[axis]);
+            let shift = DVec3::new(middle[0], polynomial.0[0][0], middle[1]);
+            let screen = Screen {
+                polynomial: &polynomial.0,
+                half: size,
+                from: (self.from - shift).to_array(),
+                light: self.light.moved(shift),
+                ior: self.query.ior,
+                tilt: self.query.tilt,
+            };
+            return Waiting { whole, leaf: None, split: [screen::SIDE; 2], left: screen.survivors() };
         }
-        let [along_x, along_z] = size.map(|size| 2.0 * size >= widest);
-        for second in 0..1 + usize::from(along_z) {
-            for first in 0..1 + usize::from(along_x) {
-                let mut part = *cell;
-                for (axis, which, split) in [(0, first, along_x), (1, second, along_z)] {
-                    if split {
-                        part.half[axis] *= 0.5;
-                        part.middle[axis] += if which == 0 { -part.half[axis] } else { part.half[axis] };
-                    }
-                }
-                self.search(part, part);
-            }
-        }
+        let split = size.map(|size| 1 + usize::from(2.0 * size >= x.max(z)));
+        Waiting { whole, leaf: None, split, left: (1 << (split[0] * split[1])) - 1 }
     }
 
     /// Newton's iteration from the cell's middle, held in the cell, where `contraction` is κ.
     ///
     /// Every root of the cell lies within a ball of the unheld step, which shrinks from step to step; a step that ends
     /// farther from the cell than that proves that there is none.
+    #[inline(always)]
     fn iterate(&mut self, polynomial: &Polynomial<K>, cell: &Cell, leaf: &Cell, mut law: Law, contraction: f64) {
         let reach: [f64; 2] = std::array::from_fn(|axis| 1.0 + BORDER / cell.half[axis]);
         let mut ball = reach[0].max(reach[1]);
@@ -489,13 +588,15 @@ impl<const K: usize> Patch<'_, '_, K> {
             let jet = polynomial.jet(at);
             law = self.law(cell, at, &jet);
             if largest <= LAST_STEP {
-                return self.keep(cell, leaf, at, &jet, &law);
+                self.keep(cell, leaf, at, &jet, &law);
+                return;
             }
         }
         self.query.unsettled = true;
     }
 
     /// Adds a root if it is where the leaf ends at most, is new, and light really goes that way.
+    #[inline(always)]
     fn keep(&mut self, cell: &Cell, leaf: &Cell, at: [f64; 2], jet: &Jet, law: &Law) {
         let place: [f64; 2] = std::array::from_fn(|axis| cell.middle[axis] + at[axis] * cell.half[axis]);
         let half: [f64; 2] = std::array::from_fn(|axis| cell.half[axis] * self.width[axis]);

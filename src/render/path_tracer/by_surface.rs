@@ -17,7 +17,8 @@ use super::{
     Link, Purpose,
 };
 
-/// Of so many searches for light by way of the surface one is made where a path has been diffuse before.
+/// Of so many searches for light by way of the surface one is made, at most, where a path has been diffuse before: its
+/// light is spread out by then, and a search costs as much as many rays.
 const LATER: f32 = 4.0;
 
 /// Where light is asked for, and what becomes of it.
@@ -71,15 +72,21 @@ impl World<'_> {
         self.ask_by_surface(asker, target, &strength, lamp.group, 2, scratch);
     }
 
-    /// Whether a camera's sample searches at first sight, and for how many times the light: `render.caustic_samples` of
-    /// every `render.samples`, evenly spread.
-    fn searches_at_first_sight(&self, sample: u32) -> Option<f32> {
-        let [all, searches] = self.limits.searches.map(u64::from);
-        if searches >= all {
-            return Some(1.0);
+    /// Whether a path searches, and for how many times the light.
+    ///
+    /// At first sight, `render.caustic_samples` of every `render.samples` do, evenly spread. Later on it is left to chance:
+    /// as many at most, one in [`LATER`] at most, and the fewer the less of the light is left to reach the eye.
+    fn searches(&self, carrier: &Carrier, facet: usize, scratch: &Scratch) -> Option<f32> {
+        let [all, searches] = self.limits.searches;
+        let spared = all as f32 / searches.min(all) as f32;
+        if carrier.path.is_later() {
+            let left = carrier.throughput.max_element() * if carrier.in_water { self.density() } else { 1.0 };
+            let chance = left.min(1.0) / spared.max(LATER);
+            return (self.numbers(carrier, Purpose::Cover, scratch)[1 + facet / 2] < chance).then_some(1.0 / chance);
         }
-        let place = u64::from(sample) % all;
-        ((place + 1) * searches / all > place * searches / all).then_some(all as f32 / searches as f32)
+        let (all, searches) = (u64::from(all), u64::from(searches.min(all)));
+        let place = u64::from(scratch.samples[carrier.place.path as usize].sample) % all;
+        ((place + 1) * searches / all > place * searches / all).then_some(spared)
     }
 
     /// Every way from a light to the asker. `strength` is the irradiance (for a point: the intensity) along a direction to
@@ -95,19 +102,7 @@ impl World<'_> {
     ) {
         let Some(manifold) = &self.manifold else { return };
         let Asker { position, carrier, value, caustic_layer: layer, .. } = *asker;
-        // What is seen at first sight is asked for every time, what comes after it one time in a few, for as many times the
-        // light: a search costs as much as many rays.
-        let times = if carrier.path.is_later() {
-            if self.numbers(carrier, Purpose::Cover, scratch)[1 + facet / 2] * LATER >= 1.0 {
-                return;
-            }
-            LATER
-        } else {
-            match self.searches_at_first_sight(scratch.samples[carrier.place.path as usize].sample) {
-                Some(times) => times,
-                None => return,
-            }
-        };
+        let Some(times) = self.searches(carrier, facet, scratch) else { return };
         let event = asker.event();
         if event == Event::Reflection && !self.mirrored {
             return;
@@ -121,7 +116,8 @@ impl World<'_> {
         let tolerance = self.secondary_tolerance_at(carrier.distance);
         let mut found = std::mem::take(&mut scratch.connections);
         let counts = &mut scratch.paths.manifold;
-        manifold.connect(position, event, target, self.water.ior, tilt, tolerance, &mut found, counts);
+        let finest = self.limits.caustic_tolerance;
+        manifold.connect(position, event, target, self.water.ior, tilt, finest, &mut found, counts);
         for (index, connection) in found.iter().enumerate() {
             let value = value(connection.direction);
             if value <= 0.0 {

@@ -23,6 +23,10 @@ impl World<'_> {
         reach: f32,
         scratch: &mut Scratch,
     ) -> bool {
+        if !self.medium.scatters() && self.most_bubbles <= 0.0 {
+            carrier.throughput *= self.medium.transmittance(reach);
+            return true;
+        }
         let numbers = self.numbers(carrier, Purpose::Murk, scratch);
         let u = [numbers[0], numbers[1]];
         let step = self.medium.sample_distance(carrier.throughput, u, reach);

@@ -268,3 +268,50 @@ fn a_hundred_random_scenes_have_no_pixel_that_is_not_light() {
         assert_eq!(stats.nonfinite, 0, "scene {seed}");
     }
 }
+
+#[test]
+fn both_integrators_agree_where_both_are_exact() {
+    let water = waves(48, 0.15, |x, z| 0.05 * (2.1 * x + 0.7 * z).sin() + 0.04 * (1.8 * z - 0.9 * x).cos());
+    let build = |scene: Scene, albedo: f32| {
+        let parts = vec![
+            part("water", Material::Water, Shape::Surface(Arc::clone(&water))),
+            part("terrain", Material::Ground, mesh(level(-1.2, 300.0))),
+            part("sphere_0", Material::Diffuse(Vec3::splat(albedo)), ball(Vec3::new(0.4, 1.0, -0.6), 0.5)),
+        ];
+        let mut setup = Setup::new(scene, parts, [0.3, 1.1, 3.0], [0.0, 0.2, 0.0]);
+        setup.matter = Flat { water: Some(0.0), bed: Some(-1.2), albedo: Vec3::splat(albedo), ..Flat::default() };
+        setup.water = Some(Arc::clone(&water));
+        setup
+    };
+    let mut mirrors = paths(0.0, 24, 64);
+    mirrors.water.roughness = 0.0;
+    mirrors.water.absorption = [0.3; 3];
+    mirrors.render.depth = 40;
+    let mut sky = mirrors.clone();
+    sky.sky.kind = SkyKind::Analytic;
+    // One bounce of the sun on ball and bed, by way of the waves as well. They are so dark that what the surface returns to
+    // the bed, which Whitted estimates, is nothing. In the water's mirror the sun is a disc for paths and a highlight for
+    // Whitted: that is not compared.
+    let mut sun = mirrors.clone();
+    sun.render.diffuse_depth = 1;
+    sun.render.caustics = Some(Caustics::Manifold);
+    sun.sun = crate::scene::Sun { elevation: 55.0, azimuth: 200.0, irradiance: 2.0, color: Some([1.0; 3]) };
+    let all = &["G"][..];
+    for (case, scene, albedo, layers) in
+        [("sky", sky, 0.0, all), ("sun", sun, 0.002, &["terrain.G", "refraction.G", "caustics.G"][..])]
+    {
+        let [path, whitted] = [Integrator::Path, Integrator::Whitted].map(|integrator| {
+            let mut scene = scene.clone();
+            scene.render.integrator = integrator;
+            build(scene, albedo).render().0
+        });
+        let [of_path, of_whitted] =
+            [&path, &whitted].map(|picture| layers.iter().map(|layer| mean(picture, layer)).sum::<f64>());
+        let error = measured(&path).1.hypot(measured(&whitted).1);
+        assert!(of_whitted > 1e-4, "{case}: {of_whitted}");
+        assert!(
+            (of_path - of_whitted).abs() < 1e-3 * of_whitted + 3.0 * error,
+            "{case}: {of_path}, not {of_whitted}, +- {error}"
+        );
+    }
+}
