@@ -6,9 +6,9 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::{Discs, Lowered, Material, Part, Shape, Spheres, Triangles};
+use super::{Lowered, Material, Part, Shape, Spheres, Triangles, spray};
 use crate::particles::{self, Spray};
-use crate::scene::{ParticleRepresentation, Representation, Scene};
+use crate::scene::{Representation, Scene};
 use crate::simd::SimdLevel;
 use crate::state::{Columns, Frame, Model};
 use crate::surface::displaced::DisplacedError;
@@ -32,6 +32,9 @@ pub enum LowerError {
     /// The tessellated water is too large.
     #[error("surface.samples: {0}")]
     Mesh(#[from] MeshError),
+    /// Particles cannot be joined.
+    #[error(transparent)]
+    Sheet(#[from] particles::SheetError),
     /// A mesh, panel or sphere.
     #[error(transparent)]
     Terrain(#[from] TerrainError),
@@ -197,21 +200,9 @@ pub fn lower_around(
             add(TERRAIN_SIDES, Material::Ground, Shape::Sides(Arc::new(Sides::of_ground(Arc::clone(bed)))));
         }
     }
-    let spray = Arc::new(match scene.particles.representation {
-        ParticleRepresentation::None => Spray::default(),
-        _ => Spray::build(&frame.particles, &scene.particles, origin),
-    });
-    if !spray.is_empty() {
-        let (center, radius) = (spray.position.clone(), spray.radius.clone());
-        let shape = match (scene.particles.representation, view) {
-            (ParticleRepresentation::Billboards, Some(view)) => {
-                let normal = particles::facing(&spray, (view.eye - origin).as_vec3()).normal;
-                Shape::Discs(Arc::new(Discs { center, radius, normal }))
-            }
-            _ => Shape::Spheres(Arc::new(Spheres { center, radius })),
-        };
-        add("spray", Material::Spray { first: 0 }, shape);
-    }
+    let eye = view.map(|view| (view.eye - origin).as_vec3());
+    let spray = Arc::new(spray::gather(scene, frame, origin, water.as_deref()));
+    spray::parts(scene, &spray, eye, water.as_deref(), &mut add)?;
     for (index, sphere) in environment.spheres.iter().enumerate() {
         let ball = terrain::ball(sphere, origin)?;
         let shape = Spheres { center: vec![ball.center], radius: vec![ball.radius] };
@@ -263,6 +254,7 @@ pub fn points_to_frame(columns: &Columns, dry_threshold: f64) -> Vec<DVec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::ParticleRepresentation;
     use crate::state::{Panel, Particles, Sphere};
     use crate::surface::LaneSurface;
 

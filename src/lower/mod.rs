@@ -1,6 +1,7 @@
 //! Scene and state → backend-neutral parts around a scene origin: the last place where anything is double precision.
 
 mod frame;
+mod spray;
 
 pub use frame::{
     Environment, LowerError, LoweredFrame, TERRAIN_SIDES, View, lower, lower_around, points_to_frame, scene_origin,
@@ -37,6 +38,8 @@ pub struct Part {
 pub enum Material {
     /// The dielectric surface of the water, or one of its sides.
     Water,
+    /// Water joined from spray. Inside of the other water it has no border, nor has the other's surface inside of it.
+    Sheet,
     /// The ground, coloured by the terrain room.
     Ground,
     /// Diffuse spray, coloured per particle.

@@ -79,7 +79,7 @@ impl World<'_> {
             Material::Diffuse(albedo) => matte.albedo = *albedo,
             Material::VertexColours(colours) => matte.albedo = vertex_colour(arrival, colours),
             // Water has a shading of its own.
-            Material::Water => {}
+            Material::Water | Material::Sheet => {}
         }
         Some(matte)
     }

@@ -174,7 +174,7 @@ impl World<'_> {
         let contact = Contact::new(part, primitive, place, origin, direction, t, given);
         let outward = direction.dot(contact.normal) > 0.0;
         match &part.material {
-            Material::Water => {
+            Material::Water | Material::Sheet => {
                 if outward {
                     carrier.light *= transmittance(self.water.absorption, t);
                 }

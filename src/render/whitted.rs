@@ -67,12 +67,14 @@ impl World<'_> {
     pub(super) fn arrive(&self, mut arrival: Arrival, scratch: &mut Scratch) {
         self.note_arrival(&mut arrival, scratch);
         let Arrival { carrier, t, part, .. } = &mut arrival;
-        let (t, water) = (*t, matches!(part.material, Material::Water));
+        let (t, water) = (*t, matches!(part.material, Material::Water | Material::Sheet));
         if carrier.in_water {
             carrier.throughput *= transmittance(self.water.absorption, t);
         }
         carrier.distance += t;
-        if water {
+        if arrival.is_inner() {
+            self.pass_inner(&arrival, scratch);
+        } else if water {
             if arrival.carrier.primary {
                 self.offer_water(&arrival, scratch);
             }
@@ -189,6 +191,7 @@ impl World<'_> {
                 guide: carrier.guide * (1.0 - reflectance),
                 layer: Some(refraction_layer),
                 in_water: !from_water,
+                within: arrival.beyond(),
                 notes_path: carrier.primary && !from_water,
                 ..child
             };

@@ -7,7 +7,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Foam, Light, Render, Simulation, Water};
+use super::{Classes, DropMatter, Foam, Light, Render, Sheet, Simulation, Water};
 
 /// A whole scene file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -222,6 +222,10 @@ pub enum ParticleRepresentation {
     Spheres,
     /// Discs that face the eye.
     Billboards,
+    /// One surface around drops that are close together, of the water's own matter.
+    Surface,
+    /// What each particle physically is: drops, sheets of water, bubbles.
+    Auto,
     /// Not at all.
     None,
 }
@@ -232,6 +236,8 @@ pub enum ParticleRepresentation {
 pub struct Particles {
     /// `spheres`, `billboards` or `none`.
     pub representation: ParticleRepresentation,
+    /// `diffuse`, or `water`: drops that reflect and refract as the water does.
+    pub matter: DropMatter,
     /// Factor on every radius.
     #[schemars(range(min = 0.0, max = 1000000.0))]
     pub scale: f64,
@@ -250,17 +256,24 @@ pub struct Particles {
     /// Age (s) by which opacity has fallen to 1/e.
     #[schemars(range(min = 0.001, max = 1000000000.0))]
     pub fade_age: f64,
+    /// What `auto` goes by.
+    pub classes: Classes,
+    /// How `surface` joins particles.
+    pub sheet: Sheet,
 }
 impl Default for Particles {
     fn default() -> Self {
         Self {
             representation: ParticleRepresentation::Spheres,
+            matter: DropMatter::Diffuse,
             scale: 1.0,
             slow_albedo: [0.72, 0.80, 0.84],
             fast_albedo: [0.94, 0.96, 0.97],
             fast_speed: 4.0,
             opacity: 0.9,
             fade_age: 2.0,
+            classes: Classes::default(),
+            sheet: Sheet::default(),
         }
     }
 }

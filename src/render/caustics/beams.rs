@@ -273,7 +273,7 @@ fn follow(
                     rays[ray].0 = place + ULPS * place.abs().max_element() * direction;
                     next.push(ray);
                 }
-                Material::Water => ends[ray] = Some((place, true)),
+                Material::Water | Material::Sheet => ends[ray] = Some((place, true)),
                 _ => ends[ray] = Some((place, false)),
             }
         }

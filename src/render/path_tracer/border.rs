@@ -79,6 +79,7 @@ impl World<'_> {
                     guide: if both { guide } else { guide / (1.0 - reflectance) },
                     layer: Some(refraction_layer),
                     in_water: !from_water,
+                    within: arrival.beyond(),
                     notes_path: carrier.primary && !from_water,
                     path: state(density, through_covered),
                     ..child

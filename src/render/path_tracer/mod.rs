@@ -154,7 +154,7 @@ impl World<'_> {
         self.note_arrival(&mut arrival, scratch);
         let Arrival { carrier, origin, direction, t, part, .. } = &mut arrival;
         let (origin, direction, t) = (*origin, *direction, *t);
-        let water = matches!(part.material, Material::Water);
+        let water = matches!(part.material, Material::Water | Material::Sheet);
         let lamp = self.lamp_on_the_way(origin, direction, t);
         let reach = lamp.map_or(t, |(_, t)| t);
         if carrier.in_water && !self.pass_water(carrier, origin, direction, reach, scratch) {
@@ -165,7 +165,9 @@ impl World<'_> {
             return;
         }
         carrier.distance += t;
-        if water {
+        if arrival.is_inner() {
+            self.pass_inner(&arrival, scratch);
+        } else if water {
             if arrival.carrier.primary {
                 self.offer_water(&arrival, scratch);
             }

@@ -280,3 +280,39 @@ fn foam_is_a_diffuse_share_of_the_water_and_leaves_the_rest_as_it_was() {
         assert!(samples(&without, "mask.foam").iter().chain(samples(&without, "foam.G")).all(|&value| value == 0.0));
     }
 }
+
+#[test]
+fn water_inside_of_water_has_no_border() {
+    use crate::scene::Integrator;
+    // Straight down through the middle of a box, and through the same box made of two that overlap by half a metre.
+    let whole = [(Material::Water, [-1.0, 0.2])];
+    let overlapping = [(Material::Water, [-1.0, 0.0]), (Material::Sheet, [-0.5, 0.2])];
+    let drop = [(Material::Sheet, [-1.0, 0.2])];
+    for (integrator, room) in [(Integrator::Whitted, 1e-5), (Integrator::Path, 4e-3)] {
+        let look = |boxes: &[(Material, [f32; 2])]| {
+            let mut scene = uniform(0.6, 16);
+            scene.camera.fov = 2.0;
+            scene.render.integrator = integrator;
+            scene.render.samples = 64;
+            scene.water.roughness = 0.0;
+            scene.water.absorption = [0.4, 0.2, 0.1];
+            let parts = boxes.iter().enumerate().map(|(index, (material, [low, high]))| {
+                let half = 0.8 + 0.1 * index as f32;
+                let mesh = mesh(cuboid(Vec3::new(-half, *low, -half), Vec3::new(half, *high, half)));
+                part(["water", "sheet"][index], material.clone(), mesh)
+            });
+            let setup = Setup::new(scene, parts.collect(), [0.05, 6.0, 0.02], [0.0; 3]);
+            let (picture, stats) = setup.render();
+            (["R", "G", "B"].map(|name| mean(&picture, name)), stats)
+        };
+        let (expected, _) = look(&whole);
+        assert!(expected[0] < 0.5 && expected[0] > 0.2, "{expected:?}");
+        for boxes in [&overlapping[..], &drop[..]] {
+            let (seen, stats) = look(boxes);
+            assert_eq!(stats.nonfinite, 0);
+            for channel in 0..3 {
+                assert!((seen[channel] / expected[channel] - 1.0).abs() < room, "{integrator:?} {seen:?} {expected:?}");
+            }
+        }
+    }
+}
