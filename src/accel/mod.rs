@@ -488,9 +488,9 @@ mod tests {
         };
         let lowered = Lowered {
             parts: vec![
-                part(Material::Spray, Shape::Spheres(Arc::new(sphere(-3.0)))),
+                part(Material::Spray { first: 0 }, Shape::Spheres(Arc::new(sphere(-3.0)))),
                 part(Material::Water, Shape::Triangles(Arc::new(mesh))),
-                part(Material::Spray, Shape::Spheres(Arc::new(sphere(3.0)))),
+                part(Material::Spray { first: 0 }, Shape::Spheres(Arc::new(sphere(3.0)))),
             ],
             ..Lowered::default()
         };
@@ -552,7 +552,7 @@ mod tests {
 
     #[test]
     fn arrays_that_do_not_fit_are_refused_by_every_accelerator() {
-        let part = |shape| Part { name: String::new(), material: Material::Spray, shape };
+        let part = |shape| Part { name: String::new(), material: Material::Spray { first: 0 }, shape };
         let mesh = Triangles { position: vec![Vec3::ZERO; 3], normal: Vec::new(), index: vec![[0, 1, 2], [0, 1, 3]] };
         let spheres = Spheres { center: vec![Vec3::ZERO; 2], radius: vec![1.0] };
         let discs = Discs { center: vec![Vec3::ZERO], radius: vec![1.0], normal: Vec::new() };

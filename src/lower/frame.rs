@@ -210,7 +210,7 @@ pub fn lower_around(
             }
             _ => Shape::Spheres(Arc::new(Spheres { center, radius })),
         };
-        add("spray", Material::Spray, shape);
+        add("spray", Material::Spray { first: 0 }, shape);
     }
     for (index, sphere) in environment.spheres.iter().enumerate() {
         let ball = terrain::ball(sphere, origin)?;

@@ -40,7 +40,10 @@ pub enum Material {
     /// The ground, coloured by the terrain room.
     Ground,
     /// Diffuse spray, coloured per particle.
-    Spray,
+    Spray {
+        /// The particle that the part's first primitive is.
+        first: u32,
+    },
     /// Diffuse, one albedo.
     Diffuse(Vec3),
     /// Diffuse, one albedo per triangle vertex.

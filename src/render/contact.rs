@@ -111,7 +111,7 @@ mod tests {
     use crate::lower::{Material, Spheres, Triangles};
 
     fn part(shape: Shape) -> Part {
-        Part { name: "thing".into(), material: Material::Spray, shape }
+        Part { name: "thing".into(), material: Material::Spray { first: 0 }, shape }
     }
 
     #[test]

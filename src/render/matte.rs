@@ -62,12 +62,12 @@ impl World<'_> {
                 matte.sky_view = look.sky_view;
                 matte.albedo = look.albedo;
             }
-            Material::Spray => {
+            Material::Spray { first } => {
                 let ball = matches!(part.shape, Shape::Spheres(_));
                 if ball && direction.dot(contact.normal) > 0.0 && carrier.passed < PASSES {
                     return None;
                 }
-                let look = self.matter.spray(*primitive);
+                let look = self.matter.spray(first + *primitive);
                 matte.own_layer = Layer::Spray;
                 matte.velocity = look.velocity;
                 matte.opacity = look.opacity;

@@ -188,10 +188,10 @@ impl World<'_> {
                 }
                 carrier.in_water = !outward;
             }
-            Material::Spray => {
+            Material::Spray { first } => {
                 // A ball is met twice, on the way in and on the way out, and counts once.
                 if !outward || matches!(part.shape, Shape::Discs(_)) {
-                    carrier.share *= 1.0 - self.matter.spray(primitive).opacity;
+                    carrier.share *= 1.0 - self.matter.spray(first + primitive).opacity;
                 }
             }
             Material::Ground | Material::Diffuse(_) | Material::VertexColours(_) => return,

@@ -313,7 +313,7 @@ impl<'a> World<'a> {
                 clamp: scene.render.clamp.map(|limit| limit as f32),
             },
             most_bubbles: matter.most_bubbles(),
-            has_spray: lowered.parts.iter().any(|part| matches!(part.material, Material::Spray)),
+            has_spray: lowered.parts.iter().any(|part| matches!(part.material, Material::Spray { .. })),
             tolerance,
             secondary_tolerance: tolerance.map(|part| part * scene.surface.secondary_accuracy as f32),
         };

@@ -269,7 +269,7 @@ fn follow(
             let (origin, direction) = rays[ray];
             let place = origin + hits.t[k] * direction;
             match lowered.parts[hits.part[k] as usize].material {
-                Material::Spray => {
+                Material::Spray { .. } => {
                     rays[ray].0 = place + ULPS * place.abs().max_element() * direction;
                     next.push(ray);
                 }

@@ -124,7 +124,7 @@ impl World<'_> {
     /// Spray thins a link, all else ends it.
     fn meet_on_link(&self, index: usize, scratch: &mut Scratch) {
         let part = &self.lowered.parts[scratch.hits.part[index] as usize];
-        let Material::Spray = part.material else { return };
+        let Material::Spray { first } = part.material else { return };
         let mut link = scratch.links.loads[index];
         let (origin, direction) = (scratch.links.rays.origin(index), scratch.links.rays.direction(index));
         let (t, reach) = (scratch.hits.t[index], scratch.links.rays.tfar[index]);
@@ -134,7 +134,7 @@ impl World<'_> {
         let contact = Contact::new(part, primitive, place, origin, direction, t, given);
         // A ball is met twice, on the way in and on the way out, and counts once.
         if direction.dot(contact.normal) <= 0.0 || matches!(part.shape, Shape::Discs(_)) {
-            link.share *= 1.0 - self.matter.spray(primitive).opacity;
+            link.share *= 1.0 - self.matter.spray(first + primitive).opacity;
         }
         link.crossed += 1;
         if link.share < LEAST_SHARE || link.crossed > CROSSINGS {

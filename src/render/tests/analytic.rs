@@ -169,7 +169,10 @@ fn sunlit_card_in_shade_and_out_of_it() {
     let ambient = 0.5 * 0.3;
     close(value(Some(part("rock", Material::Diffuse(Vec3::ONE), ball(4.0 * towards, 0.5)))), ambient);
     // One droplet takes its opacity once, though the ray meets it on the way in and on the way out.
-    close(value(Some(part("spray", Material::Spray, ball(4.0 * towards, 0.5)))), ambient + (open - ambient) * 0.6);
+    close(
+        value(Some(part("spray", Material::Spray { first: 0 }, ball(4.0 * towards, 0.5)))),
+        ambient + (open - ambient) * 0.6,
+    );
     // A slab of water across the beam costs two crossings and its absorption.
     let slab = mesh(cuboid(Vec3::new(1.0, -50.0, -60.0), Vec3::new(1.5, 80.0, 60.0)));
     let crossing = 1.0 - fresnel::reflectance_exact(towards.x, 1.0, 1.333);

@@ -25,7 +25,7 @@ fn everything() -> Setup {
     let parts = vec![
         part("water", Material::Water, mesh(wavy)),
         part("terrain", Material::Ground, mesh(level(-0.7, 6.0))),
-        part("spray", Material::Spray, Shape::Spheres(Arc::new(droplets))),
+        part("spray", Material::Spray { first: 0 }, Shape::Spheres(Arc::new(droplets))),
         part("sphere_0", Material::Diffuse(Vec3::new(0.7, 0.3, 0.2)), ball(Vec3::new(-0.6, 0.1, -0.7), 0.5)),
     ];
     let mut setup = Setup::new(scene, parts, [2.6, 1.4, 2.2], [0.0, 0.1, 0.0]);
@@ -177,7 +177,7 @@ fn more_samples_than_a_chunk_and_hundreds_of_coincident_droplets_end() {
     let mut scene = uniform(1.0, 1);
     scene.render.samples = 20_000;
     let droplets = Spheres { center: vec![Vec3::ZERO; 300], radius: vec![0.2; 300] };
-    let parts = vec![part("spray", Material::Spray, Shape::Spheres(Arc::new(droplets)))];
+    let parts = vec![part("spray", Material::Spray { first: 0 }, Shape::Spheres(Arc::new(droplets)))];
     let mut setup = Setup::new(scene, parts, [0.0, 0.0, 2.0], [0.0; 3]);
     setup.matter.spray = SprayLook { albedo: Vec3::ONE, opacity: 1e-4, velocity: Vec3::ZERO };
     let (picture, _) = setup.render();
