@@ -51,7 +51,7 @@ impl std::fmt::Debug for EmbreeAccel {
 impl EmbreeAccel {
     /// Builds over geometry, each with the index that its hits carry as their part.
     ///
-    /// Uses as many threads as the current rayon pool has. Spheres, discs and triangles are copied; surfaces are shared.
+    /// Uses as many threads as the current rayon pool has. Spheres, discs, curves and triangles are copied; surfaces are shared.
     ///
     /// # Errors
     /// Embree is missing or unsuitable, geometry has an index out of range, or memory ran out.
@@ -105,6 +105,10 @@ impl EmbreeAccel {
                     Particles::Clusters(simd) => user(&mut builder, *part, clusters::of_discs(discs, simd))?,
                     Particles::Points => builder.discs(*part, &discs.center, &discs.radius, &discs.normal)?,
                 },
+                Geometry::Curves(curves) => {
+                    let sound = (0..curves.ends.len()).map(|index| curves.is_sound(index));
+                    builder.curves(*part, &curves.ends, &curves.radius, sound)?;
+                }
                 Geometry::Triangles(mesh) => builder.triangles(*part, &mesh.position, &mesh.index)?,
             }
         }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::{Discs, Lowered, Material, Part, Shape, Spheres, Triangles};
+use super::{Curves, Discs, Lowered, Material, Part, Shape, Spheres, Triangles};
 use crate::particles::{self, Spray};
 use crate::scene::{ParticleRepresentation, Representation, Scene};
 use crate::simd::SimdLevel;
@@ -197,11 +197,17 @@ pub fn lower_around(
             add(TERRAIN_SIDES, Material::Ground, Shape::Sides(Arc::new(Sides::of_ground(Arc::clone(bed)))));
         }
     }
-    let spray = Arc::new(match scene.particles.representation {
+    let mut spray = match scene.particles.representation {
         ParticleRepresentation::None => Spray::default(),
         _ => Spray::build(&frame.particles, &scene.particles, origin),
-    });
-    if !spray.is_empty() {
+    };
+    if scene.particles.representation == ParticleRepresentation::Streamlines && !spray.is_empty() {
+        let eye = view.map(|view| (view.eye - origin, view.pixel_angle));
+        let streaks = particles::streaks(&spray, &scene.particles, streak_seconds(scene), eye);
+        spray = spray.with_shares(streaks.share, streaks.out_of_range);
+        let curves = Curves { ends: streaks.ends, radius: streaks.radius };
+        add("streaks", Material::Spray { first: 0 }, Shape::Curves(Arc::new(curves)));
+    } else if !spray.is_empty() {
         let (center, radius) = (spray.position.clone(), spray.radius.clone());
         let shape = match (scene.particles.representation, view) {
             (ParticleRepresentation::Billboards, Some(view)) => {
@@ -212,6 +218,7 @@ pub fn lower_around(
         };
         add("spray", Material::Spray { first: 0 }, shape);
     }
+    let spray = Arc::new(spray);
     for (index, sphere) in environment.spheres.iter().enumerate() {
         let ball = terrain::ball(sphere, origin)?;
         let shape = Spheres { center: vec![ball.center], radius: vec![ball.radius] };
@@ -235,6 +242,18 @@ pub fn lower_around(
         add(name, material, Shape::Triangles(Arc::new(shape)));
     }
     Ok(LoweredFrame { lowered: Lowered { origin, parts }, water, bed, spray })
+}
+
+/// Time (s) that a streak shows.
+///
+/// Motion blur looks at moments of the exposure, each for its own samples: each shows its own part, and together they
+/// show the way of the whole exposure once. Without, 1/50 s: what a camera at 25 frames a second with a half-open shutter
+/// takes.
+fn streak_seconds(scene: &Scene) -> f64 {
+    let camera = &scene.camera;
+    let blurred = camera.motion_steps > 1 && camera.shutter > 0.0;
+    let moment = || camera.shutter / scene.frames.fps / f64::from(camera.motion_steps);
+    scene.particles.streak.unwrap_or_else(|| if blurred { moment() } else { 1.0 / 50.0 })
 }
 
 fn triangles(mesh: SurfaceMesh) -> Triangles {

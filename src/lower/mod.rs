@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
+use crate::math::RoundCone;
 use crate::surface::{DisplacedSurface, Sides, SplineSurface};
 
 /// Everything that can be hit, ready for an accelerator.
@@ -63,6 +64,8 @@ pub enum Shape {
     Spheres(Arc<Spheres>),
     /// Discs with normals of their own: billboards.
     Discs(Arc<Discs>),
+    /// Round curves: streaks of spray.
+    Curves(Arc<Curves>),
     /// Triangles.
     Triangles(Arc<Triangles>),
 }
@@ -85,6 +88,31 @@ pub struct Discs {
     pub radius: Vec<f32>,
     /// Unit normals.
     pub normal: Vec<Vec3>,
+}
+
+/// Round, straight curves, one array per field: each the hull of the balls at its two ends.
+#[derive(Clone, Debug, Default)]
+pub struct Curves {
+    /// Centres of both ends: head, tail.
+    pub ends: Vec<[Vec3; 2]>,
+    /// Radii at both ends; a curve without a positive one is not there.
+    pub radius: Vec<[f32; 2]>,
+}
+
+impl Curves {
+    /// Curve `index` in double precision.
+    #[inline]
+    pub fn cone(&self, index: usize) -> RoundCone {
+        RoundCone::new(self.ends[index].map(|end| end.as_dvec3()), self.radius[index].map(f64::from))
+    }
+
+    /// Whether curve `index` can be hit: finite ends and radii, none negative and one of them positive.
+    #[inline]
+    pub fn is_sound(&self, index: usize) -> bool {
+        let [head, tail] = self.radius[index];
+        let finite = self.ends[index].iter().all(|end| end.is_finite()) && head.is_finite() && tail.is_finite();
+        finite && head >= 0.0 && tail >= 0.0 && head.max(tail) > 0.0
+    }
 }
 
 /// An indexed triangle mesh.

@@ -17,6 +17,8 @@ pub struct Spray {
     pub radius: Vec<f32>,
     /// Albedo and opacity in 65535ths.
     look: Vec<[u16; 4]>,
+    /// Factor on each opacity; empty where all are 1.
+    share: Vec<f32>,
     /// Particles left out because their radius is 0 (no mass, or a scale of 0).
     pub without_size: u64,
     /// Particles left out because their position, velocity or radius is beyond single precision.
@@ -55,6 +57,12 @@ impl Spray {
         spray
     }
 
+    /// With a factor (0..1) on each particle's opacity, as many as particles: for shapes that were made wider than the
+    /// particle. `out_of_range` more are left out.
+    pub fn with_shares(self, share: Vec<f32>, out_of_range: u64) -> Self {
+        Self { share, out_of_range: self.out_of_range + out_of_range, ..self }
+    }
+
     /// Count of particles that can be drawn.
     #[inline]
     pub fn len(&self) -> usize {
@@ -67,16 +75,18 @@ impl Spray {
         self.radius.is_empty()
     }
 
-    /// Colour and opacity of particle `index`, within 1/131070 of what [`appearance()`] says.
+    /// Colour and opacity of particle `index`, within 1/131070 of what [`appearance()`] says, times its share.
     #[inline]
     pub fn appearance(&self, index: usize) -> Appearance {
         let [r, g, b, opacity] = self.look[index].map(|share| f32::from(share) * (1.0 / 65535.0));
-        Appearance { albedo: Vec3::new(r, g, b), opacity }
+        let share = self.share.get(index).copied().unwrap_or(1.0);
+        Appearance { albedo: Vec3::new(r, g, b), opacity: opacity * share }
     }
 
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
-        (self.len() * (2 * size_of::<Vec3>() + size_of::<f32>() + size_of::<[u16; 4]>())) as u64
+        let each = 2 * size_of::<Vec3>() + size_of::<f32>() + size_of::<[u16; 4]>();
+        (self.len() * each + size_of_val(&*self.share)) as u64
     }
 }
 

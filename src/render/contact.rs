@@ -67,6 +67,16 @@ impl Contact {
                 let shading = (out + axis * (1.0 - out.length_squared()).max(0.0).sqrt()).normalize_or(axis);
                 Self::on(center + offset, axis, shading, largest(center))
             }
+            Shape::Curves(curves) => {
+                // Moved onto the ball that the curve touches there, in double precision: radii may be far under the
+                // last digit of a far hit's place.
+                let along = origin.as_dvec3() + f64::from(t) * direction.as_dvec3();
+                let (center, radius) = curves.cone(index).ball_under(along);
+                let normal = (along - center).normalize_or(-direction.as_dvec3());
+                let position = (center + radius * normal).as_vec3();
+                let normal = normal.as_vec3();
+                Self::on(position, normal, normal, largest(position))
+            }
             Shape::Triangles(triangles) => {
                 let corners = triangles.index[index].map(|corner| corner as usize);
                 let [a, b, c] = corners.map(|corner| triangles.position[corner]);

@@ -8,6 +8,59 @@ use crate::lower::{Material, Shape};
 /// Spray that a ray passes before it takes the next for opaque; a ball counts twice, in and out.
 pub(super) const PASSES: u16 = 64;
 
+/// A streak too thin for its roundness to be seen: it is lit as a line (Zöckler, Stalling and Hege, Interactive
+/// Visualization of 3D Vector Fields Using Illuminated Stream Lines, 1996; Banks, Illumination in Diverse Codimensions,
+/// 1994).
+///
+/// Of all normals across a line theirs is the one in the plane of light and tangent, whose cosine is the sine of light and
+/// tangent, s = sqrt(1 - (l.t)^2). A pixel holds all of them: the mean of a thin round rod's cosine over every normal
+/// across it is the integral of s max(0, cos a) over a turn, by 2 pi: s / pi. (The same is the mean over all viewers
+/// round the rod of what each sees of it.) Over all directions s / pi integrates to pi^2 / pi = pi, as a card's cosine
+/// over its hemisphere does: an albedo of 1 throws back what comes in and no more.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Line {
+    /// Unit, along the streak.
+    tangent: Vec3,
+    /// How much it is a line, 0..1; the rest is round.
+    share: f32,
+}
+
+impl Line {
+    /// A streak of `radius` (m) of which a pixel sees `footprint` (m): a line up to a radius of one pixel, round from two.
+    fn new(tangent: Vec3, radius: f32, footprint: f32) -> Option<Self> {
+        let share = (2.0 - radius / footprint).clamp(0.0, 1.0);
+        (tangent.is_finite() && share > 0.0).then_some(Self { tangent, share })
+    }
+
+    /// The normal turned to one of those across the line; numbers are uniform. What is thrown back by the cosine about it
+    /// goes by [`Matte::cosine`].
+    pub(super) fn turned(&self, normal: Vec3, [choice, turn]: [f32; 2]) -> Vec3 {
+        if choice >= self.share {
+            return normal;
+        }
+        let (across, along) = self.tangent.any_orthonormal_pair();
+        let (sine, cosine) = (std::f32::consts::TAU * turn).sin_cos();
+        (across * cosine + along * sine).normalize()
+    }
+
+    /// The mean over the normals, of something that is a polynomial of degree up to three in them: four of them tell.
+    pub(super) fn mean(&self, normal: Vec3, of: impl Fn(Vec3) -> Vec3) -> Vec3 {
+        let (across, along) = self.tangent.any_orthonormal_pair();
+        let line = [across, -across, along, -along].into_iter().map(&of).sum::<Vec3>() * 0.25;
+        of(normal).lerp(line, self.share)
+    }
+}
+
+/// Cosine of light from `direction` on something of a normal; see [`Matte::cosine`].
+#[inline]
+pub(super) fn cosine(normal: Vec3, facing: Option<Vec3>, line: Option<&Line>, direction: Vec3) -> f32 {
+    let seen = facing.is_none_or(|facing| facing.dot(direction) > 0.0);
+    let round = if seen { normal.dot(direction).max(0.0) } else { 0.0 };
+    let Some(Line { tangent, share }) = line else { return round };
+    let sine = (1.0 - tangent.dot(direction).powi(2)).max(0.0).sqrt();
+    round + share * (sine * std::f32::consts::FRAC_1_PI - round)
+}
+
 /// A diffuse thing where a ray met it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Matte {
@@ -17,6 +70,8 @@ pub(super) struct Matte {
     pub(super) normal: Vec3,
     /// Unit geometric normal towards the viewer; `None` for what light reaches from both sides.
     pub(super) facing: Option<Vec3>,
+    /// It is a streak too thin to be seen as round.
+    pub(super) line: Option<Line>,
     /// Share of the sky that what stands around leaves free, where that is known without asking rays.
     pub(super) sky_view: f32,
     /// Share of the light that it stops.
@@ -34,8 +89,7 @@ impl Matte {
     /// what the flat surface under it turns its back to.
     #[inline]
     pub(super) fn cosine(&self, direction: Vec3) -> f32 {
-        let seen = self.facing.is_none_or(|facing| facing.dot(direction) > 0.0);
-        if seen { self.normal.dot(direction).max(0.0) } else { 0.0 }
+        cosine(self.normal, self.facing, self.line.as_ref(), direction)
     }
 }
 
@@ -48,6 +102,7 @@ impl World<'_> {
             albedo: Vec3::ZERO,
             normal: if direction.dot(contact.normal) > 0.0 { -contact.shading } else { contact.shading },
             facing: Some(towards_viewer(contact.normal)),
+            line: None,
             sky_view: 1.0,
             opacity: 1.0,
             velocity: Vec3::ZERO,
@@ -63,7 +118,7 @@ impl World<'_> {
                 matte.albedo = look.albedo;
             }
             Material::Spray { first } => {
-                let ball = matches!(part.shape, Shape::Spheres(_));
+                let ball = matches!(part.shape, Shape::Spheres(_) | Shape::Curves(_));
                 if ball && direction.dot(contact.normal) > 0.0 && carrier.passed < PASSES {
                     return None;
                 }
@@ -75,6 +130,16 @@ impl World<'_> {
                     matte.facing = None;
                 }
                 matte.albedo = look.albedo;
+                // Under water light comes from above alone, by ways that ask for a normal.
+                if let (Shape::Curves(curves), false) = (&part.shape, carrier.in_water) {
+                    let [head, tail] = curves.ends[*primitive as usize];
+                    let radius = curves.cone(*primitive as usize).ball_under(contact.position.as_dvec3()).1;
+                    let footprint = carrier.distance * self.camera.pixel_angle() as f32;
+                    matte.line = Line::new((head - tail).normalize_or(Vec3::NAN), radius as f32, footprint);
+                    if matte.line.is_some() {
+                        matte.facing = None;
+                    }
+                }
             }
             Material::Diffuse(albedo) => matte.albedo = *albedo,
             Material::VertexColours(colours) => matte.albedo = vertex_colour(arrival, colours),

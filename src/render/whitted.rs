@@ -119,6 +119,7 @@ impl World<'_> {
             contact,
             normal,
             facing: Some(contact.normal),
+            line: None,
             weight,
             in_water: false,
             depth: 0.0,
@@ -159,6 +160,7 @@ impl World<'_> {
                     contact,
                     normal,
                     facing: Some(side(contact.normal)),
+                    line: None,
                     weight,
                     in_water: false,
                     depth: 0.0,
@@ -300,7 +302,7 @@ impl World<'_> {
         if behind < LEAST_THROUGHPUT || carrier.passed >= PASSES {
             matte.opacity = 1.0;
         }
-        let Matte { albedo, normal, facing, sky_view, opacity, velocity, own_layer, depth } = matte;
+        let Matte { albedo, normal, facing, line, sky_view, opacity, velocity, own_layer, depth } = matte;
         if carrier.primary {
             self.offer(arrival, normal, velocity, 0.0, scratch);
         }
@@ -311,7 +313,12 @@ impl World<'_> {
         if carrier.in_water {
             weight *= self.returned_light(albedo, depth);
         }
-        let ambient = if carrier.in_water { self.ambient_below(normal, depth) } else { self.sky.irradiance(normal) };
+        let ambient = match &line {
+            _ if carrier.in_water => self.ambient_below(normal, depth),
+            // The sky's irradiance is of degree two in the normal.
+            Some(line) => line.mean(normal, |normal| self.sky.irradiance(normal)),
+            None => self.sky.irradiance(normal),
+        };
         scratch.film.add(carrier.place, layer, SKY, weight * ambient * sky_view);
         let direct_layer =
             if carrier.in_water && carrier.layer == Some(Layer::Refraction) { Layer::Caustics } else { layer };
@@ -319,6 +326,7 @@ impl World<'_> {
             contact,
             normal,
             facing,
+            line,
             weight,
             in_water: carrier.in_water,
             depth,

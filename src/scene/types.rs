@@ -222,6 +222,8 @@ pub enum ParticleRepresentation {
     Spheres,
     /// Discs that face the eye.
     Billboards,
+    /// Round curves along what each particle flies while the shutter is open.
+    Streamlines,
     /// Not at all.
     None,
 }
@@ -230,7 +232,7 @@ pub enum ParticleRepresentation {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Particles {
-    /// `spheres`, `billboards` or `none`.
+    /// `spheres`, `billboards`, `streamlines` or `none`.
     pub representation: ParticleRepresentation,
     /// Factor on every radius.
     #[schemars(range(min = 0.0, max = 1000000.0))]
@@ -250,6 +252,16 @@ pub struct Particles {
     /// Age (s) by which opacity has fallen to 1/e.
     #[schemars(range(min = 0.001, max = 1000000000.0))]
     pub fade_age: f64,
+    /// Seconds of flight that a streak shows; by default the time that the shutter is open, or a moment's part of it, with
+    /// motion blur, and 1/50 s without.
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    pub streak: Option<f64>,
+    /// Radius of a streak's tail, as a share of its head's.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub taper: f64,
+    /// Streaks narrower than this (pixels) are drawn as wide, and let as much more light through.
+    #[schemars(range(min = 0.0, max = 100.0))]
+    pub least_width: f64,
 }
 impl Default for Particles {
     fn default() -> Self {
@@ -261,6 +273,9 @@ impl Default for Particles {
             fast_speed: 4.0,
             opacity: 0.9,
             fade_age: 2.0,
+            streak: None,
+            taper: 0.25,
+            least_width: 1.0,
         }
     }
 }

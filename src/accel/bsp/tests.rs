@@ -60,6 +60,7 @@ fn awkward_rays(tree: &Bsp, seed: u64) -> RayBatch {
             origin = match tree.objects.get(number) {
                 primitive::Primitive::Sphere { center, .. } => center,
                 primitive::Primitive::Disc { center, normal, .. } => center + 0.5 * normal,
+                primitive::Primitive::Curve { ends, .. } => ends[0],
                 primitive::Primitive::Triangle(corners) => corners[0] + random.vector(0.5),
             };
         }
