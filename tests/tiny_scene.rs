@@ -179,14 +179,16 @@ fn representations_are_different_pictures_of_the_same_place() {
 }
 
 #[test]
-fn spray_is_drawn_as_spheres_discs_or_not_at_all() {
+fn spray_is_drawn_as_spheres_discs_streaks_or_not_at_all() {
     let spray = |name: &str| {
         let picture = frame_0(&["--set", &format!("particles.representation={name}")]);
         (0..64 * 36).map(|pixel| colour(&picture, "spray", pixel)[1]).sum::<f64>()
     };
     let (spheres, billboards, none) = (spray("spheres"), spray("billboards"), spray("none"));
+    let streaks = spray("streamlines");
     assert_eq!(none, 0.0);
     assert!(spheres > 1.0 && billboards > 1.0 && spheres != billboards, "{spheres} {billboards}");
+    assert!(streaks > 1.0 && streaks != spheres, "{streaks} {spheres}");
 }
 
 #[test]

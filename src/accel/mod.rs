@@ -8,6 +8,8 @@ mod brute;
 pub mod bsp;
 mod clusters;
 pub mod columns;
+#[cfg(test)]
+mod curve_tests;
 pub mod embree;
 mod lanes;
 mod pair;

@@ -341,6 +341,35 @@ mod tests {
     }
 
     #[test]
+    fn streaks_are_a_part_of_their_own_as_long_as_the_flight() {
+        let mut scene = Scene::default();
+        scene.particles.representation = ParticleRepresentation::Streamlines;
+        let mut flying = frame(1e6);
+        flying.particles.velocity[0] = [0.0, -6.0, 8.0];
+        let lower = |scene: &Scene, view| lower(scene, &flying, &Environment::default(), view, SimdLevel::Portable);
+        let length = |lowered: &LoweredFrame| {
+            let part = lowered.lowered.parts.iter().find(|part| part.name == "streaks").unwrap();
+            assert!(matches!(part.material, Material::Spray { first: 0 }));
+            let Shape::Curves(curves) = &part.shape else { panic!("streaks are curves") };
+            assert_eq!(curves.ends[0][0], lowered.spray.position[0]);
+            (curves.ends[0][0] - curves.ends[0][1]).length()
+        };
+        let still = lower(&scene, None).unwrap();
+        assert!(!names(&still.lowered).contains(&"spray"));
+        assert!((length(&still) - 0.2).abs() < 1e-5);
+        // Four moments of half a frame at 24 frames a second.
+        (scene.camera.motion_steps, scene.camera.shutter) = (4, 0.5);
+        assert!((length(&lower(&scene, None).unwrap()) - 10.0 / 24.0 / 8.0).abs() < 1e-5);
+        scene.particles.streak = Some(0.1);
+        assert!((length(&lower(&scene, None).unwrap()) - 1.0).abs() < 1e-5);
+        // From far away it is wider than its water, and lets as much light through.
+        let view = View { eye: DVec3::new(1e6, 1000.0, 1e6), pixel_angle: 1e-3 };
+        let far = lower(&scene, Some(view)).unwrap();
+        let opacity = |lowered: &LoweredFrame| lowered.spray.appearance(0).opacity;
+        assert!(opacity(&far) < 0.1 * opacity(&still) && opacity(&far) > 0.0);
+    }
+
+    #[test]
     fn displacement_moves_the_water_alone() {
         let mut scene = Scene::default();
         scene.surface.displacement.shear = 0.1;

@@ -106,3 +106,129 @@ pub fn streaks(spray: &Spray, settings: &scene::Particles, seconds: f64, eye: Op
     }
     streaks
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use super::*;
+    use crate::state;
+
+    fn spray(position: Vec<[f64; 3]>, velocity: Vec<[f64; 3]>, mass: Vec<f64>) -> Spray {
+        let age = vec![0.0; mass.len()];
+        let particles = state::Particles { position, velocity, mass, age, id: None };
+        Spray::build(&particles, &scene::Particles::default(), DVec3::ZERO)
+    }
+
+    fn settings(taper: f64, least_width: f64) -> scene::Particles {
+        scene::Particles { taper, least_width, ..scene::Particles::default() }
+    }
+
+    /// Solid angle (sr) of a cone from `eye`, by rays through a grid across it.
+    fn solid_angle(eye: DVec3, ends: [DVec3; 2], radius: [f64; 2]) -> f64 {
+        let cone = RoundCone::new(ends, radius);
+        let middle = (ends[0] + ends[1]) * 0.5;
+        let reach = (ends[0] - middle).length() + radius[0].max(radius[1]);
+        let forward = middle - eye;
+        let (right, up) = forward.normalize().any_orthonormal_pair();
+        let (steps, distance) = (1200, forward.length());
+        let place = |k: i32| ((f64::from(k) + 0.5) / f64::from(steps) - 0.5) * 2.0 * reach;
+        let cell = (2.0 * reach / f64::from(steps)).powi(2);
+        let hits = (0..steps * steps).filter(|k| {
+            let direction = forward + right * place(k % steps) + up * place(k / steps);
+            cone.crossing(eye, direction, [0.0, f64::INFINITY]).is_some()
+        });
+        hits.count() as f64 * cell / (distance * distance)
+    }
+
+    #[test]
+    fn a_streak_holds_the_water_of_its_drop() {
+        for taper in [0.0, 0.25, 1.0] {
+            for radius in [1e-6, 1e-3, 0.05, 100.0] {
+                let mut last = radius;
+                for length in [0.0, 1e-9, 0.3 * radius, radius, 10.0 * radius, 1e6 * radius] {
+                    let head = head_radius(radius, length, taper);
+                    let cone = RoundCone::new([DVec3::ZERO, DVec3::X * length], [head, taper * head]);
+                    let expected = 4.0 / 3.0 * PI * radius.powi(3);
+                    assert!((cone.volume() / expected - 1.0).abs() < 1e-9, "{taper} {radius} {length}: {head}");
+                    assert!(head > 0.0 && head <= last, "longer streaks are thinner");
+                    last = head;
+                }
+            }
+        }
+        assert_eq!(head_radius(0.2, 0.0, 0.25), 0.2);
+    }
+
+    #[test]
+    fn streaks_reach_back_along_the_flight_and_rest_is_a_ball() {
+        let spray = spray(vec![[1.0, 2.0, 3.0]; 2], vec![[10.0, -5.0, 0.0], [0.0; 3]], vec![0.01; 2]);
+        let streaks = streaks(&spray, &settings(0.25, 1.0), 0.02, None);
+        assert_eq!(streaks.ends[0], [Vec3::new(1.0, 2.0, 3.0), Vec3::new(0.8, 2.1, 3.0)]);
+        assert!(streaks.radius[0][0] < spray.radius[0] && streaks.radius[0][1] == 0.25 * streaks.radius[0][0]);
+        assert_eq!(streaks.ends[1], [Vec3::new(1.0, 2.0, 3.0); 2]);
+        assert_eq!(streaks.radius[1][0], spray.radius[1]);
+        assert_eq!((streaks.share, streaks.out_of_range), (vec![1.0; 2], 0));
+    }
+
+    #[test]
+    fn a_streak_from_the_side_covers_a_capsule() {
+        let spray = spray(vec![[0.0, 0.0, 0.0]], vec![[8.0, 0.0, 0.0]], vec![0.02]);
+        let streaks = streaks(&spray, &settings(1.0, 0.0), 0.05, None);
+        let (length, radius) = (0.4, f64::from(streaks.radius[0][0]));
+        let ends = streaks.ends[0].map(|end| end.as_dvec3());
+        // From a kilometre, so that the outline is the side's.
+        let area = solid_angle(DVec3::new(-0.2, 0.0, 1000.0), ends, [radius; 2]) * 1e6;
+        let expected = 2.0 * radius * length + PI * radius * radius;
+        assert!((area / expected - 1.0).abs() < 1e-3, "{area} for {expected}");
+    }
+
+    #[test]
+    fn widened_streaks_stop_as_much_light_as_thin_ones() {
+        let (eye, pixel) = (DVec3::new(0.0, 1.0, 9.0), 0.05);
+        let place = |k: i32| [f64::from(k % 3) - 1.0, f64::from(k % 5) - 1.0, f64::from(k % 4) - 2.0];
+        let velocity = |k: i32| [f64::from(k % 2) * 20.0, -f64::from(k % 4) * 9.0, f64::from(k % 3) * 30.0];
+        let spray = spray((0..8).map(place).collect(), (0..8).map(velocity).collect(), vec![0.004; 8]);
+        let [thin, wide] = [0.0, 1.0].map(|width| streaks(&spray, &settings(0.25, width), 0.04, Some((eye, pixel))));
+        let covered = |streaks: &Streaks| -> f64 {
+            let one = |k: usize| {
+                let ends = streaks.ends[k].map(|end| end.as_dvec3());
+                f64::from(streaks.share[k]) * solid_angle(eye, ends, streaks.radius[k].map(f64::from))
+            };
+            (0..streaks.share.len()).into_par_iter().map(one).sum()
+        };
+        assert!(thin.share.iter().all(|&share| share == 1.0));
+        for (share, radius) in wide.share.iter().zip(&wide.radius) {
+            assert!(*share < 0.5 && radius[1] > 0.5 * 0.05 * 6.0, "{share} {radius:?}");
+        }
+        let (thin, wide) = (covered(&thin), covered(&wide));
+        assert!((wide / thin - 1.0).abs() < 0.01, "{wide} for {thin}");
+    }
+
+    #[test]
+    fn nothing_that_files_may_hold_makes_a_streak_that_is_no_number() {
+        let mut particles = state::Particles {
+            position: vec![[0.0; 3]; 8],
+            velocity: vec![[0.0; 3], [1.0; 3], [3e38; 3], [1e-30; 3], [1e10; 3], [1.0; 3], [1.0; 3], [1e5; 3]],
+            mass: vec![1.0, 0.0, 1.0, 1e-12, 1.0, 1e12, 1e-300, 4e9],
+            age: vec![0.0, 0.0, 0.0, f64::INFINITY, 0.0, 0.0, f64::MAX, 0.0],
+            id: None,
+        };
+        particles.position[5] = [3e38; 3];
+        for (taper, width, seconds) in [(0.25, 1.0, 0.02), (0.0, 0.0, 0.0), (1.0, 100.0, 1000.0)] {
+            for eye in [None, Some((DVec3::ZERO, 1e-3)), Some((DVec3::new(1.0, -2.0, 5.0), 1e-3))] {
+                let spray = Spray::build(&particles, &settings(taper, width), DVec3::ZERO);
+                let streaks = streaks(&spray, &settings(taper, width), seconds, eye);
+                let left_out = streaks.radius.iter().filter(|radius| radius[0] == 0.0).count() as u64;
+                assert_eq!(left_out, streaks.out_of_range, "{streaks:?}");
+                assert!(left_out <= 1 && (seconds < 1.0) == (left_out == 0), "{streaks:?}");
+                for k in 0..spray.len() {
+                    assert!(streaks.ends[k].iter().all(|end| end.is_finite()));
+                    assert!(streaks.radius[k].iter().all(|&radius| radius >= 0.0 && radius.is_finite()));
+                    assert!((0.0..=1.0).contains(&streaks.share[k]));
+                }
+                let spray = spray.with_shares(streaks.share.clone(), streaks.out_of_range);
+                assert!((0..spray.len()).all(|k| (0.0..=1.0).contains(&spray.appearance(k).opacity)));
+            }
+        }
+    }
+}

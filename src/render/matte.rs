@@ -161,3 +161,53 @@ fn vertex_colour(arrival: &Arrival, colours: &[Vec3]) -> Vec3 {
     let [u, v] = arrival.place;
     a * (1.0 - u - v) + b * u + c * v
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lines_cosine_is_the_mean_over_its_normals_and_throws_back_no_more_than_a_cards() {
+        let normal = Vec3::new(0.0, 0.6, 0.8);
+        let tangent = Vec3::X;
+        for radius in [0.5, 1.5] {
+            let line = Line::new(tangent, radius, 1.0).unwrap();
+            let steps = 400;
+            let (mut whole, mut worst) = (0.0, 0.0_f64);
+            for j in 0..steps {
+                for i in 0..steps {
+                    let y = (f64::from(j) + 0.5) / f64::from(steps) * 2.0 - 1.0;
+                    let turn = (f64::from(i) + 0.5) / f64::from(steps) * std::f64::consts::TAU;
+                    let side = (1.0 - y * y).sqrt();
+                    let direction = glam::DVec3::new(side * turn.sin(), y, side * turn.cos()).as_vec3();
+                    let value = f64::from(cosine(normal, None, Some(&line), direction));
+                    whole += value * 4.0 * std::f64::consts::PI / f64::from(steps * steps);
+                    if i % 40 == 0 && j % 40 == 0 {
+                        let count = 256;
+                        let mean: f32 = (0..count)
+                            .map(|k| {
+                                let k = k as f32 + 0.5;
+                                line.turned(normal, [k / 16.0 % 1.0, k / count as f32]).dot(direction).max(0.0)
+                            })
+                            .sum::<f32>()
+                            / count as f32;
+                        worst = worst.max((f64::from(mean) - value).abs());
+                    }
+                }
+            }
+            assert!((whole / std::f64::consts::PI - 1.0).abs() < 1e-3, "{whole}");
+            assert!(worst < 5e-3, "{worst}");
+        }
+        assert!(Line::new(tangent, 2.0, 1.0).is_none() && Line::new(Vec3::NAN, 0.1, 1.0).is_none());
+    }
+
+    #[test]
+    fn the_mean_over_a_lines_normals_is_exact_for_what_skies_give() {
+        let line = Line::new(Vec3::new(0.36, 0.48, 0.8), 0.5, 1.0).unwrap();
+        let of = |n: Vec3| Vec3::new(1.0 + n.x, n.y * n.y - n.z * n.x, 2.0 + n.x * n.y - n.z);
+        let count = 1000;
+        let turned = |k: usize| line.turned(Vec3::Y, [0.0, k as f32 / count as f32]);
+        let expected = (0..count).map(|k| of(turned(k))).sum::<Vec3>() / count as f32;
+        assert!((line.mean(Vec3::Y, of) - expected).abs().max_element() < 1e-4);
+    }
+}

@@ -4,6 +4,7 @@ mod analytic;
 mod paths;
 mod promises;
 mod sampling;
+mod streaks;
 
 use std::{path::Path, sync::Arc, sync::atomic::AtomicBool};
 
