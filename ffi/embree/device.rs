@@ -145,8 +145,6 @@ impl Inner {
             (P::RTC_DEVICE_PROPERTY_TRIANGLE_GEOMETRY_SUPPORTED, true, "without triangles"),
             (P::RTC_DEVICE_PROPERTY_POINT_GEOMETRY_SUPPORTED, true, "without points"),
             (P::RTC_DEVICE_PROPERTY_USER_GEOMETRY_SUPPORTED, true, "without user geometry"),
-            (P::RTC_DEVICE_PROPERTY_CURVE_GEOMETRY_SUPPORTED, true, "without curves"),
-            (P::RTC_DEVICE_PROPERTY_BACKFACE_CULLING_CURVES_ENABLED, false, "with back-face culling of curves"),
             (P::RTC_DEVICE_PROPERTY_BACKFACE_CULLING_ENABLED, false, "with back-face culling"),
             (P::RTC_DEVICE_PROPERTY_BACKFACE_CULLING_SPHERES_ENABLED, false, "with back-face culling of spheres"),
         ] {

@@ -70,7 +70,7 @@ fn embree_and_trees_agree_with_brute_force_on_curves_of_any_size() {
         for (name, accelerator) in accelerators {
             assert_eq!(accelerator.stats().primitives, [("curves".to_owned(), 250)]);
             let (ours, our_shadow) = trace(&*accelerator, &rays);
-            let (mut hits, mut ties, mut worst) = (0, 0, [0.0_f32; 3]);
+            let (mut hits, mut ties) = (0, 0);
             for index in 0..rays.len() {
                 assert_eq!(shadow[index], truth.part[index] != NO_PART);
                 assert_eq!(our_shadow[index], ours.part[index] != NO_PART, "{name}, {radius} m, ray {index}");
@@ -87,29 +87,58 @@ fn embree_and_trees_agree_with_brute_force_on_curves_of_any_size() {
                 let normal = |hits: &HitBatch| Vec3::from(hits.normal.each_ref().map(|axis| axis[index])).normalize();
                 let (found, expected) = (normal(&ours), normal(&truth));
                 let cosine = expected.dot(rays.direction(index) / speed).abs();
-                // Places are within 5 scales; grazing hits lose a factor of 1 / cos, the u of a short curve what its
-                // radius is in lengths.
-                let off = (ours.t[index] - truth.t[index]).abs() * speed * cosine / scale;
-                worst[0] = worst[0].max(off);
-                if cosine > 0.05 {
-                    worst[1] = worst[1].max((found - expected).length());
-                }
-                let [head, tail] = curves.ends[curve];
-                if (tail - head).length() > 2.0 * curves.radius[curve][0].max(curves.radius[curve][1]) && cosine > 0.05
-                {
-                    worst[2] = worst[2].max((ours.u[index] - truth.u[index]).abs());
+                // Places are within 5 scales, and numbers 24 bits: 16 roundings of those. Grazing hits lose a factor of
+                // 1 / cos.
+                let off = (ours.t[index] - truth.t[index]).abs() * speed * cosine.max(0.01) / scale;
+                let bound = 16.0 * 5.0 * f32::EPSILON;
+                assert!(off < bound, "{name}, {radius} m, ray {index}, curve {curve}: {off:e} scales, cosine {cosine}");
+                // A tip has every normal.
+                if cosine > 0.1 && curve % 8 != 3 {
+                    assert!((found - expected).length() < 0.02, "{name}, {radius} m, ray {index}: {found} {expected}");
+                    let [head, tail] = curves.ends[curve];
+                    let [a, b] = curves.radius[curve];
+                    let long = (tail - head).length() > 2.0 * a.max(b);
+                    let apart = (ours.u[index] - truth.u[index]).abs();
+                    assert!(!long || apart < 0.02, "{name}, {radius} m, ray {index}: u is off by {apart}");
                 }
             }
-            eprintln!("{name} {radius}: {hits} hits {ties} ties, worst {worst:?}");
+            // Grazes, which the last bit decides, and two curves in one place.
+            assert!(hits > 3000 && ties <= 6, "{name}, {radius} m: {hits} hits, {ties} differ");
         }
     }
+}
+
+#[test]
+fn clusters_and_embrees_own_curves_are_hit_alike_where_these_are_sound() {
+    let mut random = Random(77);
+    let mut curves = Curves::default();
+    for index in 0..300 {
+        let head = random.vector(10.0);
+        curves.ends.push([head, head + (1.0 + random.unit()) * random.vector(1.0).normalize_or(Vec3::Y)]);
+        curves.radius.push([0.2, [0.2, 0.05][index % 2]]);
+    }
+    let rays = aimed(&curves, 3000, 30.0, &mut random);
+    let scene = [(0, Geometry::Curves(Arc::new(curves)))];
+    let (ours, embrees) = (EmbreeAccel::new(&scene).unwrap(), EmbreeAccel::with_points(&scene).unwrap());
+    let ((ours, _), (embrees, _)) = (trace(&ours, &rays), trace(&embrees, &rays));
+    let (mut hits, mut differ) = (0, 0);
+    for index in 0..rays.len() {
+        let speed = rays.direction(index).length();
+        let same = ours.primitive[index] == embrees.primitive[index] && ours.part[index] == embrees.part[index];
+        if same && ours.part[index] != NO_PART {
+            hits += 1;
+            differ += usize::from((ours.t[index] - embrees.t[index]).abs() * speed > 0.01);
+        }
+        differ += usize::from(!same);
+    }
+    assert!(hits > 1500 && differ < 15, "{hits} hits, {differ} differ");
 }
 
 #[test]
 fn a_hit_on_a_curve_does_not_depend_on_the_rays_beside_it() {
     let mut random = Random(3);
     let mut scene = random_scene(5);
-    scene.push((9, Geometry::Curves(Arc::new(curves(400, 10.0, 0.2, &mut random)))));
+    scene.push((9, Geometry::Curves(Arc::new(curves(1500, 10.0, 0.3, &mut random)))));
     let accel = EmbreeAccel::new(&scene).unwrap();
     let rays = random_rays(1600, 6);
     let (together, shadow) = trace(&accel, &rays);
@@ -132,7 +161,7 @@ fn a_hit_on_a_curve_does_not_depend_on_the_rays_beside_it() {
         assert_eq!(hidden[0], shadow[index], "{index}");
         found += usize::from(hit.part[0] == 9);
     }
-    assert!(found > 200, "only {found} rays hit curves");
+    assert!(found > 100, "only {found} rays hit curves");
 }
 
 #[test]
@@ -140,11 +169,11 @@ fn curves_among_other_things_are_held_by_sound_trees() {
     let mut random = Random(8);
     let mut scene = random_scene(2);
     scene.truncate(3);
-    scene.push((3, Geometry::Curves(Arc::new(curves(300, 10.0, 0.2, &mut random)))));
+    scene.push((3, Geometry::Curves(Arc::new(curves(300, 10.0, 0.6, &mut random)))));
     let brute = Brute::new(scene.clone());
     let rays = random_rays(3000, 9);
     let truth = trace(&brute, &rays).0;
-    assert!(truth.part.iter().filter(|&&part| part == 3).count() > 200);
+    assert!(truth.part.iter().filter(|&&part| part == 3).count() > 100);
     for kind in [ObjectsAccel::Bsp, ObjectsAccel::BspSah, ObjectsAccel::BspReport] {
         let tree = Bsp::new(scene.clone(), Plan::new(kind, None, None)).unwrap();
         assert_eq!(tree.check(), Ok(()), "{kind:?}");

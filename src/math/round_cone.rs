@@ -113,16 +113,21 @@ impl RoundCone {
         }
     }
 
-    /// Centre and radius of the ball whose surface is nearest to a point: of all balls between the two.
-    pub fn ball_under(&self, point: DVec3) -> (DVec3, f64) {
+    /// Which ball's surface is nearest to a point, of all between the two: from 0, the first, to 1.
+    pub fn along(&self, point: DVec3) -> f64 {
         let from_start = point - self.start;
         let x = from_start.dot(self.axis);
         let y = (from_start - x * self.axis).length();
-        let along = if self.length > 0.0 {
+        if self.length > 0.0 {
             ((x - y * self.lean / (1.0 - self.lean * self.lean).sqrt()) / self.length).clamp(0.0, 1.0)
         } else {
             0.0
-        };
+        }
+    }
+
+    /// Centre and radius of the ball whose surface is nearest to a point: of all balls between the two.
+    pub fn ball_under(&self, point: DVec3) -> (DVec3, f64) {
+        let along = self.along(point);
         let radius = self.radius[0] + (self.radius[1] - self.radius[0]) * along;
         (self.start + self.axis * (self.length * along), radius)
     }
@@ -215,7 +220,7 @@ mod tests {
             let (mut hits, steps) = (0, 400);
             for k in 0..steps * steps {
                 let (u, v) = (f64::from(k % steps), f64::from(k / steps));
-                let place = |w: f64| ((w + 0.5) / f64::from(steps) - 0.5) * 6.0;
+                let place = |w: f64| ((w + 0.5) / f64::from(steps) - 0.5) * 8.0;
                 let origin = across * place(u) + along * place(v) - 50.0 * unit;
                 let Some(hit) = cone.crossing(origin, direction, [0.0, f64::INFINITY]) else { continue };
                 hits += 1;
@@ -228,7 +233,7 @@ mod tests {
                 let exit = cone.crossing(point, direction, [1e-9, f64::INFINITY]).map_or(0.0, |exit| exit.t);
                 assert!(cone.crossing(point, direction, [exit + 1e-6, f64::INFINITY]).is_none(), "{cone:?} {point}");
             }
-            let area = f64::from(hits) * (6.0 / f64::from(steps)).powi(2);
+            let area = f64::from(hits) * (8.0 / f64::from(steps)).powi(2);
             assert!((area / cone.outline(unit) - 1.0).abs() < 0.005, "{cone:?}: {area}");
         }
     }

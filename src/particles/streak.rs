@@ -130,7 +130,9 @@ mod tests {
         let middle = (ends[0] + ends[1]) * 0.5;
         let reach = (ends[0] - middle).length() + radius[0].max(radius[1]);
         let forward = middle - eye;
+        // Turned, so that no edge lies along the grid.
         let (right, up) = forward.normalize().any_orthonormal_pair();
+        let (right, up) = (right * 0.8 + up * 0.6, up * 0.8 - right * 0.6);
         let (steps, distance) = (1200, forward.length());
         let place = |k: i32| ((f64::from(k) + 0.5) / f64::from(steps) - 0.5) * 2.0 * reach;
         let cell = (2.0 * reach / f64::from(steps)).powi(2);

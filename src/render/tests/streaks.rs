@@ -3,15 +3,14 @@
 use super::*;
 use crate::lower::Curves;
 
-/// A hundred short streaks of any direction, far enough apart not to touch.
+/// Nine short streaks of any direction, far enough apart not to touch.
 fn streaks(radius: f32) -> Shape {
     let mut curves = Curves::default();
-    for k in 0..100_u8 {
-        let (x, y) = (f32::from(k % 10) * 0.2 - 0.9, f32::from(k / 10) * 0.2 - 0.9);
-        let head = Vec3::new(x, y, 0.0);
+    for k in 0..9_u8 {
+        let head = Vec3::new(f32::from(k % 3) * 6.6 - 6.6, f32::from(k / 3) * 6.6 - 6.6, 0.0);
         let way =
-            Vec3::new(f32::from(k % 3) - 1.0, f32::from(k % 5) - 2.0, f32::from(k % 7) - 3.0).normalize_or(Vec3::Y);
-        curves.ends.push([head, head + 0.07 * way]);
+            Vec3::new(f32::from(k % 2) - 0.5, f32::from(k % 5) - 2.0, f32::from(k % 4) - 1.5).normalize_or(Vec3::Y);
+        curves.ends.push([head, head + 1.2 * way]);
         curves.radius.push([radius, 0.5 * radius]);
     }
     Shape::Curves(Arc::new(curves))
@@ -24,7 +23,7 @@ fn setup(integrator: crate::scene::Integrator, radius: f32, samples: u32) -> Set
     let mut setup = Setup::new(
         scene,
         vec![part("streaks", Material::Spray { first: 0 }, streaks(radius))],
-        [0.0, 0.0, 3.0],
+        [0.0, 0.0, 30.0],
         [0.0; 3],
     );
     setup.matter.spray = SprayLook { albedo: Vec3::ONE, opacity: 1.0, velocity: Vec3::ZERO };
@@ -39,8 +38,8 @@ fn spray_layer(picture: &Picture) -> f64 {
 #[test]
 fn white_streaks_in_a_furnace_throw_back_the_sky_and_no_more() {
     use crate::scene::Integrator::{Path, Whitted};
-    // A pixel sees some 9 cm there: lines, the mixture, and round.
-    for radius in [0.01, 0.05, 0.13, 0.3] {
+    // A pixel sees 0.9 m there: lines, the mixture, and round.
+    for radius in [0.1, 0.5, 1.3, 2.0] {
         for (integrator, samples) in [(Whitted, 4), (Path, 64)] {
             let setup = setup(integrator, radius, samples);
             let (picture, stats) = setup.render();
