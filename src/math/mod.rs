@@ -5,5 +5,5 @@ mod round_cone;
 mod scramble;
 
 pub use bernstein::{Bernstein, MAX_DEGREE, Root};
-pub use round_cone::{Crossing, RoundCone};
+pub use round_cone::{Crossing, RoundCone, discs_outline};
 pub use scramble::{STEP, finish, scramble};

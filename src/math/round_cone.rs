@@ -152,16 +152,19 @@ impl RoundCone {
 
     /// Area (m2) of the outline seen from afar along a unit direction: the hull of two discs.
     pub fn outline(&self, towards: DVec3) -> f64 {
-        let [a, b] = self.radius;
-        let apart = self.length * self.axis.cross(towards).length();
-        let fall = a - b;
-        if apart <= fall.abs() {
-            return PI * a.max(b).powi(2);
-        }
-        let lean = (fall / apart).asin();
-        let side = (apart * apart - fall * fall).sqrt();
-        (a + b) * side + a * a * (FRAC_PI_2 + lean) + b * b * (FRAC_PI_2 - lean)
+        discs_outline(self.radius, self.length * self.axis.cross(towards).length())
     }
+}
+
+/// Area of the hull of two discs in a plane, of these radii and so far apart.
+pub fn discs_outline([a, b]: [f64; 2], apart: f64) -> f64 {
+    let fall = a - b;
+    if apart <= fall.abs() {
+        return PI * a.max(b).powi(2);
+    }
+    let lean = (fall / apart).asin();
+    let side = (apart * apart - fall * fall).sqrt();
+    (a + b) * side + a * a * (FRAC_PI_2 + lean) + b * b * (FRAC_PI_2 - lean)
 }
 
 #[cfg(test)]

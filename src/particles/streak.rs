@@ -8,7 +8,8 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::Spray;
-use crate::{math::RoundCone, scene};
+use crate::math::{RoundCone, discs_outline};
+use crate::scene;
 
 /// Newton steps to a radius: from above, on a convex curve, each squares the error; the first ones halve a large one.
 const STEPS: usize = 32;
@@ -52,6 +53,34 @@ struct Streak {
     share: f32,
 }
 
+/// Both ends as an eye sees them.
+struct Seen {
+    /// Metres from the eye along the line to the streak's middle.
+    depth: [f64; 2],
+    /// Apart, in a plane one metre before the eye.
+    apart: f64,
+}
+
+impl Seen {
+    fn new(ends: [DVec3; 2], eye: DVec3) -> Self {
+        let to_middle = (ends[0] + ends[1]) * 0.5 - eye;
+        let (distance, forward) = (to_middle.length(), to_middle.normalize_or_zero());
+        let depth = ends.map(|end| (end - eye).dot(forward));
+        // A streak that begins beside the eye or behind it has no place in a plane before it: there it is taken as one
+        // far away, all of it as near as its middle.
+        if depth[0].min(depth[1]) > 1e-3 * distance {
+            let places = [(ends[0] - eye) / depth[0], (ends[1] - eye) / depth[1]];
+            return Self { depth, apart: (places[1] - places[0]).length() };
+        }
+        Self { depth: [distance; 2], apart: (ends[1] - ends[0]).cross(forward).length() / distance }
+    }
+
+    /// Area that it covers of that plane (m2).
+    fn outline(&self, radius: [f64; 2]) -> f64 {
+        discs_outline([radius[0] / self.depth[0], radius[1] / self.depth[1]], self.apart)
+    }
+}
+
 impl Streak {
     const NONE: Self = Self { ends: [Vec3::ZERO; 2], radius: [0.0; 2], share: 0.0 };
 
@@ -71,13 +100,11 @@ impl Streak {
         let thin = [head, settings.taper * head];
         let (mut wide, mut share) = (thin, 1.0);
         if let Some((eye, pixel_angle)) = eye {
-            let to_eye = eye - (ends[0] + ends[1]) * 0.5;
-            let least = 0.5 * settings.least_width * pixel_angle * to_eye.length();
-            wide = thin.map(|radius| radius.max(least));
+            let seen = Seen::new(ends, eye);
+            let least = 0.5 * settings.least_width * pixel_angle;
+            wide = [thin[0].max(least * seen.depth[0]), thin[1].max(least * seen.depth[1])];
             if wide != thin {
-                let towards = to_eye.normalize_or(DVec3::Y);
-                let outline = |radius| RoundCone::new(ends, radius).outline(towards);
-                share = (outline(thin) / outline(wide)).min(1.0);
+                share = (seen.outline(thin) / seen.outline(wide)).min(1.0);
             }
         }
         let streak =
@@ -132,7 +159,8 @@ mod tests {
         let forward = middle - eye;
         // Turned, so that no edge lies along the grid.
         let (right, up) = forward.normalize().any_orthonormal_pair();
-        let (right, up) = (right * 0.8 + up * 0.6, up * 0.8 - right * 0.6);
+        let (sine, cosine) = 0.5_f64.sin_cos();
+        let (right, up) = (right * cosine + up * sine, up * cosine - right * sine);
         let (steps, distance) = (1200, forward.length());
         let place = |k: i32| ((f64::from(k) + 0.5) / f64::from(steps) - 0.5) * 2.0 * reach;
         let cell = (2.0 * reach / f64::from(steps)).powi(2);
@@ -181,7 +209,7 @@ mod tests {
         // From a kilometre, so that the outline is the side's.
         let area = solid_angle(DVec3::new(-0.2, 0.0, 1000.0), ends, [radius; 2]) * 1e6;
         let expected = 2.0 * radius * length + PI * radius * radius;
-        assert!((area / expected - 1.0).abs() < 1e-3, "{area} for {expected}");
+        assert!((area / expected - 1.0).abs() < 3e-3, "{area} for {expected}");
     }
 
     #[test]

@@ -170,8 +170,9 @@ impl<'a> Exact<'a> {
             Self::Ball { center, radius } => sphere(ray, begin, t, *center, *radius),
             Self::Curves(curves) => {
                 // Where single precision sees a graze and double precision does not, the graze stands.
-                let hit = curves.cone(index).crossing(o, d, [begin, f64::INFINITY]);
-                hit.map_or(Polished { t, normal }, |hit| Polished { t: hit.t, normal: hit.normal })
+                // From a point near the curve, as for spheres.
+                let hit = curves.cone(index).crossing(o + d * t, d, [begin - t, f64::INFINITY]);
+                hit.map_or(Polished { t, normal }, |hit| Polished { t: t + hit.t, normal: hit.normal })
             }
             Self::Discs(discs) => plane(discs.center[index].as_dvec3(), discs.normal[index].as_dvec3()),
             Self::Triangles(mesh) => {

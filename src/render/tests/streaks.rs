@@ -45,7 +45,7 @@ fn white_streaks_in_a_furnace_throw_back_the_sky_and_no_more() {
             let (picture, stats) = setup.render();
             let whole = mean(&picture, "G");
             assert!((whole / 0.7 - 1.0).abs() < 5e-3, "{integrator:?}, {radius} m: {whole}");
-            assert!(spray_layer(&picture) > 0.01, "{integrator:?}, {radius} m: nothing was met");
+            assert!(spray_layer(&picture) > 5e-4, "{integrator:?}, {radius} m: nothing was met");
             assert_eq!(stats.nonfinite, 0);
         }
     }
