@@ -7,6 +7,7 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::{Discs, Lowered, Material, Part, Shape, Spheres, Triangles};
+use crate::mist::{Mist, MistError, MistSettings};
 use crate::particles::{self, Spray};
 use crate::scene::{ParticleRepresentation, Representation, Scene};
 use crate::simd::SimdLevel;
@@ -35,6 +36,9 @@ pub enum LowerError {
     /// A mesh, panel or sphere.
     #[error(transparent)]
     Terrain(#[from] TerrainError),
+    /// The mist takes too much memory, or no light gets into it.
+    #[error(transparent)]
+    Mist(#[from] MistError),
     /// Something lies too far from the scene origin for single precision.
     #[error("{name} reaches {distance:e} m from the middle of the columns; expected less than 1e15 m")]
     TooFar {
@@ -101,6 +105,16 @@ pub struct LoweredFrame {
     pub bed: Option<Arc<SplineSurface>>,
     /// The spray that is drawn.
     pub spray: Arc<Spray>,
+    /// The spray that is a medium in the air; `None` unless the scene asks for it.
+    pub mist: Option<Arc<Mist>>,
+}
+
+impl LoweredFrame {
+    /// Particles that are not drawn since they have no size, or no place or mass that single precision knows.
+    pub fn particles_left_out(&self) -> u64 {
+        let mist = self.mist.as_ref().map_or(0, |mist| mist.without_mass + mist.out_of_range);
+        self.spray.without_size + self.spray.out_of_range + mist
+    }
 }
 
 /// The scene origin for a map of columns: its middle, on a grid of powers of two near the column width, so that
@@ -198,9 +212,16 @@ pub fn lower_around(
         }
     }
     let spray = Arc::new(match scene.particles.representation {
-        ParticleRepresentation::None => Spray::default(),
+        ParticleRepresentation::Mist | ParticleRepresentation::None => Spray::default(),
         _ => Spray::build(&frame.particles, &scene.particles, origin),
     });
+    let mist = match scene.particles.representation {
+        ParticleRepresentation::Mist => {
+            let (particles, settings) = (&frame.particles, MistSettings::from_scene(&scene.particles));
+            Some(Arc::new(Mist::build(&particles.position, &particles.mass, &settings, origin)?))
+        }
+        _ => None,
+    };
     if !spray.is_empty() {
         let (center, radius) = (spray.position.clone(), spray.radius.clone());
         let shape = match (scene.particles.representation, view) {
@@ -234,7 +255,7 @@ pub fn lower_around(
         };
         add(name, material, Shape::Triangles(Arc::new(shape)));
     }
-    Ok(LoweredFrame { lowered: Lowered { origin, parts }, water, bed, spray })
+    Ok(LoweredFrame { lowered: Lowered { origin, parts }, water, bed, spray, mist })
 }
 
 fn triangles(mesh: SurfaceMesh) -> Triangles {

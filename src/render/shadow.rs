@@ -1,6 +1,6 @@
 //! Direct light: which lights a point asks for, and the chain of hits on the way to each.
 //!
-//! Ground and objects stop light, spray lets 1 - opacity of it through, water crossings cost Fresnel's share and what
+//! Ground and objects stop light, spray lets 1 - opacity of it through, mist its transmittance, water crossings cost Fresnel's share and what
 //! the water on the way absorbs. Rays from under water towards the sun are bent once, as under a level surface, unless
 //! caustics are asked for: then `caustics` finds where the waves focus the sun, as it does for paths.
 
@@ -133,7 +133,18 @@ impl World<'_> {
         carrier: ShadowCarrier,
         scratch: &mut Scratch,
     ) {
-        let origin = contact.leave(direction);
+        self.push_shadow_from(contact.leave(direction), direction, reach, carrier, scratch);
+    }
+
+    /// Queues one ray towards a light from a point that is on nothing.
+    pub(super) fn push_shadow_from(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        reach: f32,
+        carrier: ShadowCarrier,
+        scratch: &mut Scratch,
+    ) {
         scratch.shadow.rays.push(origin, direction, 0.0, reach, self.secondary_tolerance_at(carrier.distance));
         scratch.shadow.carriers.push(carrier);
     }
@@ -156,7 +167,11 @@ impl World<'_> {
         let mut carrier = scratch.shadow.carriers[index];
         let (t, part) = (scratch.hits.t[index], scratch.hits.part[index]);
         let reach = scratch.shadow.rays.tfar[index];
+        let (origin, mut direction) = (scratch.shadow.rays.origin(index), scratch.shadow.rays.direction(index));
         if part == NO_PART {
+            if !carrier.in_water {
+                carrier.share *= self.clear_of_mist(origin, direction, reach);
+            }
             let path = match (carrier.in_water, carrier.bent) {
                 (false, _) => 0.0,
                 (true, true) => carrier.level_path,
@@ -166,7 +181,6 @@ impl World<'_> {
             scratch.film.add(carrier.place, carrier.layer, carrier.group, light);
             return;
         }
-        let (origin, mut direction) = (scratch.shadow.rays.origin(index), scratch.shadow.rays.direction(index));
         let part = &self.lowered.parts[part as usize];
         let given = Vec3::from_array(std::array::from_fn(|axis| scratch.hits.normal[axis][index]));
         let primitive = scratch.hits.primitive[index];
@@ -177,6 +191,8 @@ impl World<'_> {
             Material::Water => {
                 if outward {
                     carrier.light *= transmittance(self.water.absorption, t);
+                } else {
+                    carrier.share *= self.clear_of_mist(origin, direction, t);
                 }
                 if carrier.bent {
                     // The beam's own losses at the surface are in its irradiance already.
@@ -189,6 +205,9 @@ impl World<'_> {
                 carrier.in_water = !outward;
             }
             Material::Spray { first } => {
+                if !carrier.in_water {
+                    carrier.share *= self.clear_of_mist(origin, direction, t);
+                }
                 // A ball is met twice, on the way in and on the way out, and counts once.
                 if !outward || matches!(part.shape, Shape::Discs(_)) {
                     carrier.share *= 1.0 - self.matter.spray(first + primitive).opacity;

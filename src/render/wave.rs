@@ -197,7 +197,7 @@ impl World<'_> {
                 let hit = scratch.hits.part[index];
                 if hit == NO_PART {
                     match self.integrator {
-                        Integrator::Whitted => self.escape(&carrier, direction, scratch),
+                        Integrator::Whitted => self.escape(carrier, origin, direction, scratch),
                         Integrator::Path => self.path_escape(carrier, origin, direction, scratch),
                     }
                     continue;

@@ -1,4 +1,4 @@
-//! The Whitted integrator: what a hit adds, and what follows from it. `wave` traces.
+//! The Whitted integrator: what a hit adds, and what follows from it. `wave` traces, `single_scattering` looks through mist.
 //!
 //! T. Whitted, An improved illumination model for shaded display, 1980, with absorption, direct light through the
 //! surface (`shadow`) and the sun's image on the water. Radiance in water is n^2 times that in air along a refracted
@@ -29,7 +29,7 @@ use crate::{
 };
 
 /// Throughput under which a ray is not followed: half's rounding (11 bits) of a pixel as bright as what the ray would see.
-const LEAST_THROUGHPUT: f32 = 1.0 / 2048.0;
+pub(super) const LEAST_THROUGHPUT: f32 = 1.0 / 2048.0;
 
 enum Kind {
     Reflection,
@@ -39,7 +39,8 @@ enum Kind {
 
 impl World<'_> {
     /// A ray that met nothing.
-    pub(super) fn escape(&self, carrier: &Carrier, direction: Vec3, scratch: &mut Scratch) {
+    pub(super) fn escape(&self, mut carrier: Carrier, origin: Vec3, direction: Vec3, scratch: &mut Scratch) {
+        self.look_through_mist(&mut carrier, origin, direction, f32::INFINITY, scratch);
         let film = &mut scratch.film;
         film.add_guide(carrier.place.pixel, carrier.guide, Vec3::ONE, Vec3::ZERO);
         if carrier.in_water {
@@ -66,11 +67,12 @@ impl World<'_> {
     /// A ray that met something: absorption on its way, the film's data, then light by material.
     pub(super) fn arrive(&self, mut arrival: Arrival, scratch: &mut Scratch) {
         self.note_arrival(&mut arrival, scratch);
-        let Arrival { carrier, t, part, .. } = &mut arrival;
+        let Arrival { carrier, origin, direction, t, part, .. } = &mut arrival;
         let (t, water) = (*t, matches!(part.material, Material::Water));
         if carrier.in_water {
             carrier.throughput *= transmittance(self.water.absorption, t);
         }
+        self.look_through_mist(carrier, *origin, *direction, t, scratch);
         carrier.distance += t;
         if water {
             if arrival.carrier.primary {

@@ -222,6 +222,8 @@ pub enum ParticleRepresentation {
     Spheres,
     /// Discs that face the eye.
     Billboards,
+    /// Clouds of fine droplets: a medium in the air.
+    Mist,
     /// Not at all.
     None,
 }
@@ -230,7 +232,7 @@ pub enum ParticleRepresentation {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Particles {
-    /// `spheres`, `billboards` or `none`.
+    /// `spheres`, `billboards`, `mist` or `none`.
     pub representation: ParticleRepresentation,
     /// Factor on every radius.
     #[schemars(range(min = 0.0, max = 1000000.0))]
@@ -250,6 +252,12 @@ pub struct Particles {
     /// Age (s) by which opacity has fallen to 1/e.
     #[schemars(range(min = 0.001, max = 1000000000.0))]
     pub fade_age: f64,
+    /// Radius (m) of the droplets that a particle's water is in as mist: extinction is 3 m / (2 rho radius) square metres.
+    #[schemars(range(min = 0.000001, max = 100.0))]
+    pub droplet_radius: f64,
+    /// Width (m) of a particle's cloud as mist: two standard deviations, four voxels of the grid.
+    #[schemars(range(min = 0.001, max = 10000.0))]
+    pub mist_width: f64,
 }
 impl Default for Particles {
     fn default() -> Self {
@@ -261,6 +269,8 @@ impl Default for Particles {
             fast_speed: 4.0,
             opacity: 0.9,
             fade_age: 2.0,
+            droplet_radius: 5e-5,
+            mist_width: 0.25,
         }
     }
 }

@@ -130,10 +130,10 @@ impl World<'_> {
         let light = carrier.throughput * self.sun.irradiance * (evaluation.value * factor * radiance * asked);
         let link = Link {
             light: self.clamped(&carrier.path, light, scratch),
-            place: carrier.place,
             layer: carrier.layer.unwrap_or(layer),
             group: SUN,
-            ..Link::new(carrier.distance)
+            in_water: false,
+            ..Link::new(carrier)
         };
         self.push_link(contact.leave(to_sun), to_sun, f32::INFINITY, link, scratch);
     }

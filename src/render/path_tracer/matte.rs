@@ -129,7 +129,7 @@ impl World<'_> {
                 let value = cosine * FRAC_1_PI;
                 let light = carrier.throughput * radiance * (value / density * share(density, value));
                 let light = self.clamped(&carrier.path, light, scratch);
-                let link = Link { light, place: carrier.place, layer, group, ..Link::new(carrier.distance) };
+                let link = Link { light, layer, group, ..Link::new(carrier) };
                 self.push_link(contact.leave(direction), direction, f32::INFINITY, link, scratch);
             }
         };

@@ -9,7 +9,7 @@ use super::*;
 use crate::output::Window;
 
 /// Some of everything, 80 by 70 pixels, 5 samples, sun and a lamp.
-fn everything() -> Setup {
+pub(super) fn everything() -> Setup {
     let mut scene = Scene::default();
     scene.render.width = 80;
     scene.render.height = 70;
@@ -29,14 +29,15 @@ fn everything() -> Setup {
         part("sphere_0", Material::Diffuse(Vec3::new(0.7, 0.3, 0.2)), ball(Vec3::new(-0.6, 0.1, -0.7), 0.5)),
     ];
     let mut setup = Setup::new(scene, parts, [2.6, 1.4, 2.2], [0.0, 0.1, 0.0]);
-    setup.matter = Flat { water: Some(0.0), bed: Some(-0.7), ..Flat::default() };
+    let mist = super::mist::cloud(&[[0.9, 0.5, 0.8], [1.1, 0.7, 0.2], [-0.4, 0.2, 1.2]], 2e-3, 0.4);
+    setup.matter = Flat { water: Some(0.0), bed: Some(-0.7), mist: Some(mist), ..Flat::default() };
     setup
 }
 
 #[test]
 fn layers_add_up_to_the_beauty_and_all_are_used() {
     let (picture, stats) = everything().render();
-    let layers = ["reflection", "refraction", "caustics", "spray", "terrain", "sky"];
+    let layers = ["reflection", "refraction", "caustics", "spray", "mist", "terrain", "sky"];
     let groups = ["light_sun", "light_sky", "light_lamps"];
     for channel in ["R", "G", "B"] {
         for (index, &beauty) in samples(&picture, channel).iter().enumerate() {
