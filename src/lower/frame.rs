@@ -343,6 +343,29 @@ mod tests {
     }
 
     #[test]
+    fn mist_is_no_part_but_a_medium_around_the_same_origin() {
+        let mut scene = Scene::default();
+        scene.particles.representation = ParticleRepresentation::Mist;
+        let lower =
+            |scene: &Scene, offset| lower(scene, &frame(offset), &Environment::default(), None, SimdLevel::Portable);
+        let lowered = lower(&scene, 1e6).unwrap();
+        assert!(!names(&lowered.lowered).contains(&"spray") && lowered.spray.is_empty());
+        let mist = lowered.mist.clone().unwrap();
+        assert_eq!((mist.particles, lowered.particles_left_out()), (1, 0));
+        let place = (DVec3::new(1e6, 2.0, 1e6) - lowered.lowered.origin).as_vec3();
+        assert!(mist.extinction(place) > 0.9 * mist.greatest() && mist.extinction(place + glam::Vec3::X) == 0.0);
+        // Finer droplets of the same water stop more light.
+        scene.particles.droplet_radius *= 0.5;
+        let finer = lower(&scene, 1e6).unwrap().mist.unwrap();
+        assert!((finer.greatest() / mist.greatest() - 2.0).abs() < 1e-5);
+        scene.particles.droplet_radius = 1e-6;
+        scene.particles.scale = 1e6;
+        let told = lower(&scene, 0.0).unwrap_err().to_string();
+        assert!(told.contains("particles.droplet_radius"), "{told}");
+        assert!(lower(&Scene::default(), 0.0).unwrap().mist.is_none());
+    }
+
+    #[test]
     fn displacement_moves_the_water_alone() {
         let mut scene = Scene::default();
         scene.surface.displacement.shear = 0.1;

@@ -343,6 +343,7 @@ impl<'a> World<'a> {
                     ior: world.water.ior,
                     attenuation: world.medium.extinction(),
                     reflectance: &|cosine| world.water.reflectance(cosine, false),
+                    clear: &|point| world.clear_of_mist(point, world.sun.direction, f32::INFINITY),
                 };
                 let beams = BeamMap::build(water, lowered, accelerator, &sun, scene.render.beam_samples)?;
                 world.beams = Some(beams);
