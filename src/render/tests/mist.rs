@@ -152,7 +152,7 @@ fn mist_dims_what_is_behind_it_and_what_it_shades() {
         scene.sun = crate::scene::Sun { elevation: 90.0, azimuth: 0.0, irradiance: 2.0, color: Some([1.0; 3]) };
         scene.camera.fov = 1.0;
         scene.render.diffuse_depth = 1;
-        // What mist scatters onto the card is left out: it is a fifth of what it takes.
+        // What mist scatters onto the card is left out: it is more than a half of what it takes.
         scene.render.volume_depth = 0;
         let parts = vec![part("card", Material::Diffuse(Vec3::splat(0.5)), mesh(level(-2.0, 50.0)))];
         let mut setup = Setup::new(scene, parts, eye, look_at);
