@@ -1,5 +1,5 @@
 //! Mist for the integrator without noise: transmittance by quadrature, sun and lamps scattered once towards the eye, and the
-//! sky's light as if nothing stood before it.
+//! sky's light as if nothing stood around it.
 //!
 //! What scatters on a ray is taken from a few points of it, spread so that each stands for an equal share. Light that is
 //! scattered more than once is the path tracer's.
@@ -23,6 +23,9 @@ const MEAN_COSINE: f32 = 0.85;
 /// Into which directions mist scatters.
 pub(super) const PHASE: Phase = Phase::HenyeyGreenstein { g: MEAN_COSINE };
 
+/// Share of the peak: the square of the mean cosine.
+const PEAK: f32 = MEAN_COSINE * MEAN_COSINE;
+
 /// Points of a ray that ask for light.
 const POINTS: usize = 4;
 
@@ -35,7 +38,11 @@ pub(super) fn mean_radiance(sky: &Sky) -> Vec3 {
 
 impl World<'_> {
     /// What mist does to a ray through `reach` metres of air: the light that it scatters to the eye, and what is left of
-    /// the rest.
+    /// the rest. An infinite reach ends in the sky.
+    ///
+    /// The sky's light takes a droplet's phase function as a peak straight on and what is left, linear in the cosine (the
+    /// delta-Eddington approximation: J. Joseph, W. Wiscombe, J. Weinman, 1976). What only peaks have scattered is what is
+    /// seen behind; the rest is as bright as what is all around.
     pub(super) fn look_through_mist(
         &self,
         carrier: &mut Carrier,
@@ -47,13 +54,20 @@ impl World<'_> {
         let Some(mist) = self.mist.filter(|_| !carrier.in_water) else { return };
         let depth = mist.optical_depth(origin, direction, reach);
         let (left, taken) = ((-depth).exp(), -(-depth).exp_m1());
+        let straight_on = (-(1.0 - PEAK) * depth).exp();
         if taken <= 0.0 {
             return;
         }
         let layer = carrier.layer.unwrap_or(Layer::Mist);
         let weight = carrier.throughput * taken;
-        scratch.film.add_guide(carrier.place.pixel, carrier.guide * taken, Vec3::ONE, Vec3::ZERO);
-        scratch.film.add(carrier.place, layer, SKY, weight * self.sky_in_mist(direction));
+        let mut sky = (1.0 - straight_on) * self.sky_around(direction);
+        let left = if reach == f32::INFINITY {
+            sky += (straight_on - left).max(0.0) * self.sky.radiance(direction);
+            left
+        } else {
+            straight_on
+        };
+        scratch.film.add(carrier.place, layer, SKY, carrier.throughput * sky);
         let depths: [f32; POINTS] =
             std::array::from_fn(|point| -(-taken * (point as f32 + 0.5) / POINTS as f32).ln_1p());
         let share = weight / POINTS as f32;
@@ -62,6 +76,7 @@ impl World<'_> {
             let at = Carrier { distance: from.distance + t, ..from };
             self.ask_in_mist(&at, origin + t * direction, direction, share, layer, scratch);
         });
+        scratch.film.add_guide(carrier.place.pixel, carrier.guide * (1.0 - left), Vec3::ONE, Vec3::ZERO);
         carrier.throughput *= left;
         carrier.guide *= left;
     }
@@ -113,15 +128,11 @@ impl World<'_> {
         }
     }
 
-    /// The sky's light that a droplet sends on along the eye's ray.
-    ///
-    /// Its phase function as a peak straight on and what is left, linear in the cosine (the delta-Eddington approximation:
-    /// J. Joseph, W. Wiscombe, J. Weinman, 1976): the peak sees the sky behind, the rest the mean and the net flux.
-    fn sky_in_mist(&self, direction: Vec3) -> Vec3 {
-        let (peak, cosine) = (MEAN_COSINE * MEAN_COSINE, MEAN_COSINE / (1.0 + MEAN_COSINE));
+    /// The sky's light that a droplet sends on along the eye's ray but for the peak: by the mean and the net flux.
+    fn sky_around(&self, direction: Vec3) -> Vec3 {
+        let cosine = MEAN_COSINE / (1.0 + MEAN_COSINE);
         let flux = self.sky.irradiance(direction) - self.sky.irradiance(-direction);
-        let around = (self.mean_sky + 0.75 * FRAC_1_PI * cosine * flux).max(Vec3::ZERO);
-        peak * self.sky.radiance(direction) + (1.0 - peak) * around
+        (self.mean_sky + 0.75 * FRAC_1_PI * cosine * flux).max(Vec3::ZERO)
     }
 
     /// Share of light that mist leaves over `reach` metres of air.
