@@ -139,8 +139,9 @@ fn both_integrators_agree_about_thin_mist() {
         means.push(["mist.R", "mist.G", "mist.B", "terrain.G"].map(|channel| mean(&picture, channel)));
     }
     for (whitted, path) in means[0].iter().zip(means[1]) {
-        // What is scattered twice, and what the ball hides of the sky, is a few percent.
-        assert!(*whitted > 1e-3 && (whitted / path - 1.0).abs() < 0.08, "{means:?}");
+        // What is scattered twice is a few percent, and so is what the ball hides of the sky: for Whitted the phase
+        // function's peak sees nothing but the ball behind it, which is narrower than the peak.
+        assert!(*whitted > 1e-3 && (whitted / path - 1.0).abs() < 0.12, "{means:?}");
     }
 }
 
