@@ -16,6 +16,7 @@
 //! | [`sim`] | the simulation that makes frames: columns, pipes, spray |
 //! | [`surface`] | the water and the bed as B-splines: lattice, bounds, solvers, the other representations |
 //! | [`particles`] | spray: radius, colour, opacity |
+//! | [`mist`] | fine spray as a medium: a sparse grid of extinction, and light's ways through it |
 //! | [`terrain`] | meshes, panels, boulders, the look of the ground |
 //! | [`lower`] | all of these → backend-neutral parts |
 //! | [`accel`] | the accelerators behind one seam |
@@ -41,6 +42,7 @@ pub mod denoise;
 pub mod foam;
 pub mod lower;
 pub mod math;
+pub mod mist;
 pub mod optics;
 pub mod output;
 pub mod particles;

@@ -10,7 +10,7 @@ use whitewater::output::{Picture, SampleType, read_exr};
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/tiny/scene.toml");
 
 /// Light layers that a Whitted picture has.
-const LIGHT: [&str; 8] = ["reflection", "refraction", "volume", "caustics", "spray", "foam", "terrain", "sky"];
+const LIGHT: [&str; 9] = ["reflection", "refraction", "volume", "caustics", "spray", "foam", "mist", "terrain", "sky"];
 
 fn render(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_whitewater"));
@@ -106,8 +106,8 @@ fn both_frames_have_every_layer_and_the_layers_add_up() {
             for c in 0..3 {
                 let sum: f64 = layers.iter().map(|layer| layer[c]).sum();
                 let size: f64 = layers.iter().map(|layer| layer[c].abs()).sum::<f64>() + beauty[c].abs();
-                // Each of the nine numbers is rounded to 11 bits, or to a multiple of 2^-24 below 2^-14.
-                let bound = size * 2f64.powi(-11) + 9.0 * 2f64.powi(-25);
+                // Each of the ten numbers is rounded to 11 bits, or to a multiple of 2^-24 below 2^-14.
+                let bound = size * 2f64.powi(-11) + 10.0 * 2f64.powi(-25);
                 assert!((sum - beauty[c]).abs() <= bound, "pixel {pixel}: {beauty:?} against {layers:?}");
             }
         }
@@ -116,8 +116,8 @@ fn both_frames_have_every_layer_and_the_layers_add_up() {
             let seen = (0..64 * 36).any(|pixel| colour(picture, light, pixel)[1] > 0.01);
             assert_eq!(
                 seen,
-                !["foam", "volume"].contains(&light),
-                "{light} of frame {number}: all but foam, which these frames do not carry, and what only paths find"
+                !["foam", "mist", "volume"].contains(&light),
+                "{light} of frame {number}: all but foam and mist, which this scene does not have, and what only paths find"
             );
         }
         assert!(samples(picture, "water.path").iter().any(|path| *path > 0.1));
@@ -179,14 +179,16 @@ fn representations_are_different_pictures_of_the_same_place() {
 }
 
 #[test]
-fn spray_is_drawn_as_spheres_discs_or_not_at_all() {
+fn spray_is_drawn_as_spheres_discs_streaks_or_not_at_all() {
     let spray = |name: &str| {
         let picture = frame_0(&["--set", &format!("particles.representation={name}")]);
         (0..64 * 36).map(|pixel| colour(&picture, "spray", pixel)[1]).sum::<f64>()
     };
     let (spheres, billboards, none) = (spray("spheres"), spray("billboards"), spray("none"));
+    let streaks = spray("streamlines");
     assert_eq!(none, 0.0);
     assert!(spheres > 1.0 && billboards > 1.0 && spheres != billboards, "{spheres} {billboards}");
+    assert!(streaks > 1.0 && streaks != spheres, "{streaks} {spheres}");
 }
 
 #[test]

@@ -456,6 +456,11 @@ fn objects_are_named_as_the_format_has_them_and_only_chooses() {
     assert_eq!((answers.normal(0), answers.normal(4)), ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]));
     assert_eq!((answers.normal(2), answers.normal(3)), ([0.0, 1.0, 0.0], [0.0, 1.0, 0.0]));
 
+    // A streak without a flight is the ball that it was.
+    let streaks = setup.trace(&rays, &["--set", "particles.representation=streamlines", "--only", "streaks,terrain"]);
+    assert_eq!((streaks.objects.len(), streaks.name(1)), (2, Some("streaks")));
+    assert!((streaks.t[1] - (5.0 - radius)).abs() < 1e-7);
+
     let only = setup.trace(&rays, &["--only", "terrain,water"]);
     assert_eq!(only.objects, ["water", "terrain"]);
     assert_eq!((only.t[0], only.t[1]), (3.5, 7.0));

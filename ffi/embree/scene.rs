@@ -127,6 +127,46 @@ impl<P: 'static> SceneBuilder<P> {
         geometry.attach(&self.scene, id)
     }
 
+    /// Round straight curves: the hull of two spheres each, single pieces that join no other. `sound` tells those that can
+    /// be hit; the others are not there. A ray that begins inside hits the way out.
+    pub(crate) fn curves(
+        &mut self,
+        id: u32,
+        ends: &[[Vec3; 2]],
+        radius: &[[f32; 2]],
+        sound: impl Iterator<Item = bool>,
+    ) -> Result<(), EmbreeError> {
+        same_length(id, "the count of pairs of radii", radius.len(), ends.len())?;
+        let geometry = self.geometry(id, RTCGeometryType::RTC_GEOMETRY_TYPE_ROUND_LINEAR_CURVE, ends.len())?;
+        // Embree numbers vertices in 32 bits.
+        let Some(last) = (ends.len() as u32).checked_mul(2).filter(|_| ends.len() <= u32::MAX as usize / 2) else {
+            return Err(EmbreeError::Geometry {
+                geometry: id,
+                what: "the count of curves".to_owned(),
+                value: ends.len() as u64,
+                expected: format!("at most {}", u32::MAX / 2),
+            });
+        };
+        // Embree leaves out what has a vertex that is not finite.
+        let vertices: Vec<[f32; 4]> = ends
+            .iter()
+            .zip(radius)
+            .zip(sound)
+            .flat_map(|((ends, radius), sound)| {
+                let vertex = |end: usize| ends[end].extend(radius[end]).to_array();
+                if sound { [vertex(0), vertex(1)] } else { [[f32::NAN; 4]; 2] }
+            })
+            .collect();
+        let (float4, uint) = (RTCFormat::RTC_FORMAT_FLOAT4, RTCFormat::RTC_FORMAT_UINT);
+        let first: Vec<[u32; 1]> = (0..last).step_by(2).map(|first| [first]).collect();
+        geometry.buffer(RTCBufferType::RTC_BUFFER_TYPE_VERTEX, float4, vertices.into_iter())?;
+        geometry.buffer(RTCBufferType::RTC_BUFFER_TYPE_INDEX, uint, first.into_iter())?;
+        // No neighbours: left to itself, Embree would not say which it assumes.
+        let alone = ends.iter().map(|_| [0_u8]);
+        geometry.buffer(RTCBufferType::RTC_BUFFER_TYPE_FLAGS, RTCFormat::RTC_FORMAT_UCHAR, alone)?;
+        geometry.attach(&self.scene, id)
+    }
+
     /// A rectangle of `size` vertices, row by row, as Embree's compact grid of quadrilaterals; numbered by quadrilateral.
     ///
     /// # Errors
@@ -279,7 +319,7 @@ impl Geometry {
         }
         let start = start.cast::<[T; N]>();
         for (index, item) in items.take(count).enumerate() {
-            // SAFETY: `index < count`, inside what Embree has just allocated, 16-byte aligned; T is a four-byte number.
+            // SAFETY: `index < count`, inside what Embree has just allocated, 16-byte aligned; T is a plain number.
             unsafe { start.add(index).write(item) };
         }
         Ok(())

@@ -1,11 +1,12 @@
 //! Everything against everything: the referee that other accelerators are measured by.
 //!
-//! Spheres, discs and triangles are tested in double precision, one after the other; surfaces answer packets of sixteen
+//! Spheres, discs, curves and triangles are tested in double precision, one after the other; surfaces answer packets of sixteen
 //! rays themselves. Hits follow Embree's conventions for u, v and normals ([`super::HitBatch`]).
 
 use glam::DVec3;
 
 use super::{AccelStats, Accelerator, Geometry, HitBatch, RayBatch, count_primitives};
+use crate::math::RoundCone;
 use crate::surface::{LANES, LaneHits, LaneRays, LaneSurface, SolveCounts};
 
 /// No structure at all.
@@ -120,6 +121,11 @@ fn disc(ray: &Ray, center: DVec3, radius: f64, normal: DVec3) -> Option<Hit> {
     })
 }
 
+fn curve(ray: &Ray, cone: &RoundCone) -> Option<Hit> {
+    let hit = cone.crossing(ray.origin, ray.direction, [ray.tnear, ray.tfar])?;
+    Some(Hit { t: hit.t, u: hit.along, v: 0.0, normal: hit.normal })
+}
+
 /// Möller and Trumbore, Fast, minimum storage ray/triangle intersection, 1997.
 fn triangle(ray: &Ray, corners: [DVec3; 3]) -> Option<Hit> {
     let (first, second) = (corners[1] - corners[0], corners[2] - corners[0]);
@@ -160,6 +166,14 @@ fn visit(geometry: &Geometry, ray: &mut Ray, mut found: impl FnMut(usize, &Hit) 
             let items = discs.center.iter().zip(&discs.radius).zip(&discs.normal);
             for (index, ((center, &radius), normal)) in items.enumerate() {
                 let hit = disc(ray, center.as_dvec3(), radius.into(), normal.as_dvec3());
+                if offer(ray, index, hit) {
+                    return;
+                }
+            }
+        }
+        Geometry::Curves(curves) => {
+            for index in (0..curves.ends.len()).filter(|&index| curves.is_sound(index)) {
+                let hit = curve(ray, &curves.cone(index));
                 if offer(ray, index, hit) {
                     return;
                 }

@@ -3,8 +3,8 @@
 //! Packets always go through rtcIntersect16/rtcOccluded16 (8 or 4 wide on narrower processors), the last one masked, so
 //! that a ray's bits do not depend on how many rays came with it. Where a packet reaches a surface's box, the callback
 //! notes it, and the surface is asked once for a block of packets (see `block`): its solver's lanes are then refilled, and
-//! what Embree has found by itself ends the rays. Spheres (front hit, else the back one) and discs are held in clusters of
-//! our own, one user primitive per part; Embree's own points are there for benchmarks.
+//! what Embree has found by itself ends the rays. Spheres and round curves (front hit, else the back one) and discs are
+//! held in clusters of our own, one user primitive per part; Embree's own points and curves are there for benchmarks.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -22,7 +22,7 @@ use crate::surface::{LANES, LaneRays, LaneSurface, SolveCounts};
 // A miss needs no translation.
 const _: () = assert!(NO_PART == INVALID_GEOMETRY);
 
-/// Who holds spheres and discs.
+/// Who holds spheres, discs and curves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Particles {
     /// Clusters of sixteen, as user geometry, with an instruction set.
@@ -51,7 +51,7 @@ impl std::fmt::Debug for EmbreeAccel {
 impl EmbreeAccel {
     /// Builds over geometry, each with the index that its hits carry as their part.
     ///
-    /// Uses as many threads as the current rayon pool has. Spheres, discs and triangles are copied; surfaces are shared.
+    /// Uses as many threads as the current rayon pool has. Spheres, discs, curves and triangles are copied; surfaces are shared.
     ///
     /// # Errors
     /// Embree is missing or unsuitable, geometry has an index out of range, or memory ran out.
@@ -67,8 +67,8 @@ impl EmbreeAccel {
         Self::with_settings(geometry, Particles::Clusters(simd), rayon::current_num_threads(), "")
     }
 
-    /// As [`EmbreeAccel::new`], with spheres and discs as Embree's own points: a rival of benchmarks. Its packets and its
-    /// single rays differ in the last bits of t.
+    /// As [`EmbreeAccel::new`], with spheres, discs and curves as Embree's own: a rival of benchmarks. Its packets and its
+    /// single rays differ in the last bits of t, and it loses curves that are short, or thinner than a millimetre.
     ///
     /// # Errors
     /// As [`EmbreeAccel::new`].
@@ -104,6 +104,13 @@ impl EmbreeAccel {
                 Geometry::Discs(discs) => match particles {
                     Particles::Clusters(simd) => user(&mut builder, *part, clusters::of_discs(discs, simd))?,
                     Particles::Points => builder.discs(*part, &discs.center, &discs.radius, &discs.normal)?,
+                },
+                Geometry::Curves(curves) => match particles {
+                    Particles::Clusters(simd) => user(&mut builder, *part, clusters::of_curves(curves, simd))?,
+                    Particles::Points => {
+                        let sound = (0..curves.ends.len()).map(|index| curves.is_sound(index));
+                        builder.curves(*part, &curves.ends, &curves.radius, sound)?;
+                    }
                 },
                 Geometry::Triangles(mesh) => builder.triangles(*part, &mesh.position, &mesh.index)?,
             }

@@ -8,6 +8,8 @@ mod brute;
 pub mod bsp;
 mod clusters;
 pub mod columns;
+#[cfg(test)]
+mod curve_tests;
 pub mod embree;
 mod lanes;
 mod pair;
@@ -26,7 +28,7 @@ use pair::Pair;
 pub use stream::Stream;
 
 pub use crate::ffi::embree::EmbreeError;
-use crate::lower::{Discs, Lowered, Material, Part, Shape, Spheres, Triangles};
+use crate::lower::{Curves, Discs, Lowered, Material, Part, Shape, Spheres, Triangles};
 use crate::scene::{Accel, ObjectsAccel, WaterAccel};
 use crate::simd::SimdLevel;
 use crate::surface::audit::Audit;
@@ -101,14 +103,15 @@ pub struct HitBatch {
     pub t: Vec<f32>,
     /// Index of the part ([`crate::lower::Lowered::parts`]), [`NO_PART`] for a miss.
     pub part: Vec<u32>,
-    /// Primitive within the part: patch, sphere, disc, triangle, side.
+    /// Primitive within the part: patch, sphere, disc, curve, triangle, side.
     pub primitive: Vec<u32>,
-    /// First surface coordinate: within the patch (0..1 along x), or a triangle's weight of its second vertex; 0 for
-    /// spheres and discs.
+    /// First surface coordinate: within the patch (0..1 along x), or a triangle's weight of its second vertex; how
+    /// far the ball that a curve touches there is from its head (0) to its tail (1), in shares of the axis; 0 for spheres
+    /// and discs.
     pub u: Vec<f32>,
     /// Second surface coordinate: within the patch (0..1 along z), or a triangle's weight of its third vertex.
     pub v: Vec<f32>,
-    /// Geometric normal, not normalised: x, y, z. A surface's own; outward for spheres (hit - centre) and for triangles
+    /// Geometric normal, not normalised: x, y, z. A surface's own; outward for spheres (hit - centre), curves and for triangles
     /// that are counter-clockwise seen from outside; a disc's as given.
     pub normal: [Vec<f32>; 3],
     /// The solver could not decide: counted, and reported to whoever asked.
@@ -155,6 +158,8 @@ pub enum Geometry {
     Spheres(Arc<Spheres>),
     /// Oriented discs.
     Discs(Arc<Discs>),
+    /// Round curves.
+    Curves(Arc<Curves>),
     /// Triangles.
     Triangles(Arc<Triangles>),
 }
@@ -167,6 +172,7 @@ impl From<&Shape> for Geometry {
             Shape::Sides(sides) => Self::Lanes(Arc::clone(sides) as Arc<dyn LaneSurface>),
             Shape::Spheres(spheres) => Self::Spheres(Arc::clone(spheres)),
             Shape::Discs(discs) => Self::Discs(Arc::clone(discs)),
+            Shape::Curves(curves) => Self::Curves(Arc::clone(curves)),
             Shape::Triangles(triangles) => Self::Triangles(Arc::clone(triangles)),
         }
     }
@@ -186,13 +192,14 @@ fn geometry_of(parts: &[Part], water: WaterAccel, chosen: impl Fn(&Part) -> bool
 
 /// Counts by kind, of the kinds that are there.
 fn count_primitives(geometry: &[(u32, Geometry)]) -> Vec<(String, u64)> {
-    let mut counts = [("surfaces", 0), ("spheres", 0), ("discs", 0), ("triangles", 0)];
+    let mut counts = [("surfaces", 0), ("spheres", 0), ("discs", 0), ("curves", 0), ("triangles", 0)];
     for (_, geometry) in geometry {
         let (kind, count) = match geometry {
             Geometry::Lanes(_) => (0, 1),
             Geometry::Spheres(spheres) => (1, spheres.center.len()),
             Geometry::Discs(discs) => (2, discs.center.len()),
-            Geometry::Triangles(triangles) => (3, triangles.index.len()),
+            Geometry::Curves(curves) => (3, curves.ends.len()),
+            Geometry::Triangles(triangles) => (4, triangles.index.len()),
         };
         counts[kind].1 += count as u64;
     }
@@ -227,7 +234,7 @@ pub enum AccelError {
         most: u64,
     },
     /// A surface was given to an accelerator of objects.
-    #[error("part {part} is a surface, expected spheres, discs or triangles")]
+    #[error("part {part} is a surface, expected spheres, discs, curves or triangles")]
     Surface {
         /// The part.
         part: u32,
@@ -276,6 +283,7 @@ fn check(geometry: &[(u32, Geometry)]) -> Result<(), AccelError> {
                 same(part, "radii", discs.radius.len(), discs.center.len())?;
                 same(part, "normals", discs.normal.len(), discs.center.len())?;
             }
+            Geometry::Curves(curves) => same(part, "pairs of radii", curves.radius.len(), curves.ends.len())?,
             Geometry::Triangles(mesh) => {
                 let count = mesh.position.len();
                 for (triangle, corners) in mesh.index.iter().enumerate() {
@@ -488,9 +496,9 @@ mod tests {
         };
         let lowered = Lowered {
             parts: vec![
-                part(Material::Spray, Shape::Spheres(Arc::new(sphere(-3.0)))),
+                part(Material::Spray { first: 0 }, Shape::Spheres(Arc::new(sphere(-3.0)))),
                 part(Material::Water, Shape::Triangles(Arc::new(mesh))),
-                part(Material::Spray, Shape::Spheres(Arc::new(sphere(3.0)))),
+                part(Material::Spray { first: 0 }, Shape::Spheres(Arc::new(sphere(3.0)))),
             ],
             ..Lowered::default()
         };
@@ -552,7 +560,7 @@ mod tests {
 
     #[test]
     fn arrays_that_do_not_fit_are_refused_by_every_accelerator() {
-        let part = |shape| Part { name: String::new(), material: Material::Spray, shape };
+        let part = |shape| Part { name: String::new(), material: Material::Spray { first: 0 }, shape };
         let mesh = Triangles { position: vec![Vec3::ZERO; 3], normal: Vec::new(), index: vec![[0, 1, 2], [0, 1, 3]] };
         let spheres = Spheres { center: vec![Vec3::ZERO; 2], radius: vec![1.0] };
         let discs = Discs { center: vec![Vec3::ZERO], radius: vec![1.0], normal: Vec::new() };

@@ -55,7 +55,7 @@ fn rivals(spheres: &Arc<Spheres>, discs: &Arc<Discs>, simd: SimdLevel) -> Result
     let mut held = Vec::new();
     for (shape, name) in [(Shape::Spheres(spheres.clone()), "spheres"), (Shape::Discs(discs.clone()), "discs")] {
         for &kind in kinds.iter().filter(|kind| **kind != ObjectsAccel::Brute || count <= MOST_FOR_BRUTE) {
-            let part = Part { name: "spray".to_owned(), material: Material::Spray, shape: shape.clone() };
+            let part = Part { name: "spray".to_owned(), material: Material::Spray { first: 0 }, shape: shape.clone() };
             let lowered = Lowered { parts: vec![part], ..Lowered::default() };
             let accel = accel::build(&lowered, &Accel { objects: kind, ..Accel::default() }, simd)?;
             let stats = accel.stats();

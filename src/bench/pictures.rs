@@ -134,6 +134,7 @@ impl Built {
             water: self.lowered.water.as_deref(),
             bed: self.lowered.bed.as_deref(),
             foam: None,
+            mist: self.lowered.mist.as_deref(),
         };
         let moments = [Moment {
             time: 0.0,

@@ -268,7 +268,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         parts: part_names(&first.lowered.lowered),
         accelerator: first.accelerator.stats(),
         audit: first.accelerator.audit(),
-        particles_left_out: first.lowered.spray.without_size + first.lowered.spray.out_of_range,
+        particles_left_out: first.lowered.particles_left_out(),
         render,
         files,
     })
@@ -334,6 +334,7 @@ impl MatterOfFrame {
             water: lowered.water.as_deref(),
             bed: lowered.bed.as_deref(),
             foam: self.foam.as_ref(),
+            mist: lowered.mist.as_deref(),
         }
     }
 }

@@ -6,7 +6,8 @@
 //!
 //! *Where rays begin:* `t = 0` counts. A ray that begins on a spline surface to the last bit of double precision hits it
 //! at 0, whichever way it goes; one that begins beside it is judged in double precision, however near that is.
-//! Billboards have no eye to face here and are traced as spheres; a tessellation by screen error takes its fixed count.
+//! Billboards have no eye to face here and are traced as spheres, streaks in
+//! their own width; a tessellation by screen error takes its fixed count.
 
 mod answers;
 mod exact;
@@ -33,7 +34,7 @@ const CHUNK: usize = 4096;
 /// How often a ray is sent on that finds only what lies behind its beginning, by single precision's rounding.
 const PASSES: usize = 4;
 /// What a frame may have by docs/formats.md, whether this one has it or not.
-const ALWAYS_KNOWN: [&str; 4] = ["water", "water_sides", "terrain", "spray"];
+const ALWAYS_KNOWN: [&str; 5] = ["water", "water_sides", "terrain", "spray", "streaks"];
 
 /// Runs the command.
 ///
@@ -125,6 +126,13 @@ fn bounds(lowered: &LoweredFrame) -> Option<[DVec3; 2]> {
             }
             Shape::Discs(discs) => {
                 for (center, &radius) in discs.center.iter().zip(&discs.radius) {
+                    let (center, radius) = (center.as_dvec3(), DVec3::splat(radius.into()));
+                    add(center - radius, center + radius);
+                }
+            }
+            Shape::Curves(curves) => {
+                let ends = curves.ends.iter().flatten().zip(curves.radius.iter().flatten());
+                for (center, &radius) in ends {
                     let (center, radius) = (center.as_dvec3(), DVec3::splat(radius.into()));
                     add(center - radius, center + radius);
                 }

@@ -6,9 +6,10 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::{Discs, Lowered, Material, Part, Shape, Spheres, Triangles};
+use super::{Lowered, Material, Part, Shape, Spheres, Triangles, spray};
+use crate::mist::{Mist, MistError};
 use crate::particles::{self, Spray};
-use crate::scene::{ParticleRepresentation, Representation, Scene};
+use crate::scene::{Representation, Scene};
 use crate::simd::SimdLevel;
 use crate::state::{Columns, Frame, Model};
 use crate::surface::displaced::DisplacedError;
@@ -32,9 +33,15 @@ pub enum LowerError {
     /// The tessellated water is too large.
     #[error("surface.samples: {0}")]
     Mesh(#[from] MeshError),
+    /// Particles cannot be joined.
+    #[error(transparent)]
+    Sheet(#[from] particles::SheetError),
     /// A mesh, panel or sphere.
     #[error(transparent)]
     Terrain(#[from] TerrainError),
+    /// The mist takes too much memory, or no light gets into it.
+    #[error(transparent)]
+    Mist(#[from] MistError),
     /// Something lies too far from the scene origin for single precision.
     #[error("{name} reaches {distance:e} m from the middle of the columns; expected less than 1e15 m")]
     TooFar {
@@ -101,6 +108,16 @@ pub struct LoweredFrame {
     pub bed: Option<Arc<SplineSurface>>,
     /// The spray that is drawn.
     pub spray: Arc<Spray>,
+    /// The spray that is a medium in the air; `None` unless the scene asks for it.
+    pub mist: Option<Arc<Mist>>,
+}
+
+impl LoweredFrame {
+    /// Particles that are not drawn since they have no size, or no place or mass that single precision knows.
+    pub fn particles_left_out(&self) -> u64 {
+        let mist = self.mist.as_ref().map_or(0, |mist| mist.without_mass + mist.out_of_range);
+        self.spray.without_size + self.spray.out_of_range + mist
+    }
 }
 
 /// The scene origin for a map of columns: its middle, on a grid of powers of two near the column width, so that
@@ -197,21 +214,10 @@ pub fn lower_around(
             add(TERRAIN_SIDES, Material::Ground, Shape::Sides(Arc::new(Sides::of_ground(Arc::clone(bed)))));
         }
     }
-    let spray = Arc::new(match scene.particles.representation {
-        ParticleRepresentation::None => Spray::default(),
-        _ => Spray::build(&frame.particles, &scene.particles, origin),
-    });
-    if !spray.is_empty() {
-        let (center, radius) = (spray.position.clone(), spray.radius.clone());
-        let shape = match (scene.particles.representation, view) {
-            (ParticleRepresentation::Billboards, Some(view)) => {
-                let normal = particles::facing(&spray, (view.eye - origin).as_vec3()).normal;
-                Shape::Discs(Arc::new(Discs { center, radius, normal }))
-            }
-            _ => Shape::Spheres(Arc::new(Spheres { center, radius })),
-        };
-        add("spray", Material::Spray, shape);
-    }
+    let (mut spray, mist) = spray::gather(scene, frame, origin, water.as_deref())?;
+    let eye = view.map(|view| (view.eye - origin, view.pixel_angle));
+    spray::parts(scene, &mut spray, eye, water.as_deref(), &mut add)?;
+    let spray = Arc::new(spray);
     for (index, sphere) in environment.spheres.iter().enumerate() {
         let ball = terrain::ball(sphere, origin)?;
         let shape = Spheres { center: vec![ball.center], radius: vec![ball.radius] };
@@ -234,7 +240,7 @@ pub fn lower_around(
         };
         add(name, material, Shape::Triangles(Arc::new(shape)));
     }
-    Ok(LoweredFrame { lowered: Lowered { origin, parts }, water, bed, spray })
+    Ok(LoweredFrame { lowered: Lowered { origin, parts }, water, bed, spray, mist })
 }
 
 fn triangles(mesh: SurfaceMesh) -> Triangles {
@@ -263,6 +269,7 @@ pub fn points_to_frame(columns: &Columns, dry_threshold: f64) -> Vec<DVec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::ParticleRepresentation;
     use crate::state::{Panel, Particles, Sphere};
     use crate::surface::LaneSurface;
 
@@ -319,6 +326,58 @@ mod tests {
         dry.columns.top = dry.columns.base.clone();
         let lowered = lower(&scene, &dry, &Environment::default(), None, SimdLevel::Portable).unwrap();
         assert!(lowered.lowered.parts.is_empty() && lowered.water.is_none() && lowered.bed.is_none());
+    }
+
+    #[test]
+    fn streaks_are_a_part_of_their_own_as_long_as_the_flight() {
+        let mut scene = Scene::default();
+        scene.particles.representation = ParticleRepresentation::Streamlines;
+        let mut flying = frame(1e6);
+        flying.particles.velocity[0] = [0.0, -6.0, 8.0];
+        let lower = |scene: &Scene, view| lower(scene, &flying, &Environment::default(), view, SimdLevel::Portable);
+        let length = |lowered: &LoweredFrame| {
+            let part = lowered.lowered.parts.iter().find(|part| part.name == "streaks").unwrap();
+            assert!(matches!(part.material, Material::Spray { first: 0 }));
+            let Shape::Curves(curves) = &part.shape else { panic!("streaks are curves") };
+            assert_eq!(curves.ends[0][0], lowered.spray.position[0]);
+            (curves.ends[0][0] - curves.ends[0][1]).length()
+        };
+        let still = lower(&scene, None).unwrap();
+        assert!(!names(&still.lowered).contains(&"spray"));
+        assert!((length(&still) - 0.2).abs() < 1e-5);
+        // Four moments of half a frame at 24 frames a second.
+        (scene.camera.motion_steps, scene.camera.shutter) = (4, 0.5);
+        assert!((length(&lower(&scene, None).unwrap()) - 10.0 / 24.0 / 8.0).abs() < 1e-5);
+        scene.particles.streak = Some(0.1);
+        assert!((length(&lower(&scene, None).unwrap()) - 1.0).abs() < 1e-5);
+        // From far away it is wider than its water, and lets as much light through.
+        let view = View { eye: DVec3::new(1e6, 1000.0, 1e6), pixel_angle: 1e-3 };
+        let far = lower(&scene, Some(view)).unwrap();
+        let opacity = |lowered: &LoweredFrame| lowered.spray.appearance(0).opacity;
+        assert!(opacity(&far) < 0.1 * opacity(&still) && opacity(&far) > 0.0);
+    }
+
+    #[test]
+    fn mist_is_no_part_but_a_medium_around_the_same_origin() {
+        let mut scene = Scene::default();
+        scene.particles.representation = ParticleRepresentation::Mist;
+        let lower =
+            |scene: &Scene, offset| lower(scene, &frame(offset), &Environment::default(), None, SimdLevel::Portable);
+        let lowered = lower(&scene, 1e6).unwrap();
+        assert!(!names(&lowered.lowered).contains(&"spray") && lowered.spray.is_empty());
+        let mist = lowered.mist.clone().unwrap();
+        assert_eq!((mist.particles, lowered.particles_left_out()), (1, 0));
+        let place = (DVec3::new(1e6, 2.0, 1e6) - lowered.lowered.origin).as_vec3();
+        assert!(mist.extinction(place) > 0.9 * mist.greatest() && mist.extinction(place + glam::Vec3::X) == 0.0);
+        // Finer droplets of the same water stop more light.
+        scene.particles.droplet_radius *= 0.5;
+        let finer = lower(&scene, 1e6).unwrap().mist.unwrap();
+        assert!((finer.greatest() / mist.greatest() - 2.0).abs() < 1e-5);
+        scene.particles.droplet_radius = 1e-6;
+        scene.particles.scale = 1e6;
+        let told = lower(&scene, 0.0).unwrap_err().to_string();
+        assert!(told.contains("particles.droplet_radius"), "{told}");
+        assert!(lower(&Scene::default(), 0.0).unwrap().mist.is_none());
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Scene and state → backend-neutral parts around a scene origin: the last place where anything is double precision.
 
 mod frame;
+mod spray;
 
 pub use frame::{
     Environment, LowerError, LoweredFrame, TERRAIN_SIDES, View, lower, lower_around, points_to_frame, scene_origin,
@@ -10,6 +11,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
+use crate::math::RoundCone;
 use crate::surface::{DisplacedSurface, Sides, SplineSurface};
 
 /// Everything that can be hit, ready for an accelerator.
@@ -37,10 +39,15 @@ pub struct Part {
 pub enum Material {
     /// The dielectric surface of the water, or one of its sides.
     Water,
+    /// Water joined from spray. Inside of the other water it has no border, nor has the other's surface inside of it.
+    Sheet,
     /// The ground, coloured by the terrain room.
     Ground,
     /// Diffuse spray, coloured per particle.
-    Spray,
+    Spray {
+        /// The particle that the part's first primitive is.
+        first: u32,
+    },
     /// Diffuse, one albedo.
     Diffuse(Vec3),
     /// Diffuse, one albedo per triangle vertex.
@@ -60,6 +67,8 @@ pub enum Shape {
     Spheres(Arc<Spheres>),
     /// Discs with normals of their own: billboards.
     Discs(Arc<Discs>),
+    /// Round curves: streaks of spray.
+    Curves(Arc<Curves>),
     /// Triangles.
     Triangles(Arc<Triangles>),
 }
@@ -82,6 +91,31 @@ pub struct Discs {
     pub radius: Vec<f32>,
     /// Unit normals.
     pub normal: Vec<Vec3>,
+}
+
+/// Round, straight curves, one array per field: each the hull of the balls at its two ends.
+#[derive(Clone, Debug, Default)]
+pub struct Curves {
+    /// Centres of both ends: head, tail.
+    pub ends: Vec<[Vec3; 2]>,
+    /// Radii at both ends; a curve without a positive one is not there.
+    pub radius: Vec<[f32; 2]>,
+}
+
+impl Curves {
+    /// Curve `index` in double precision.
+    #[inline]
+    pub fn cone(&self, index: usize) -> RoundCone {
+        RoundCone::new(self.ends[index].map(|end| end.as_dvec3()), self.radius[index].map(f64::from))
+    }
+
+    /// Whether curve `index` can be hit: finite ends and radii, none negative and one of them positive.
+    #[inline]
+    pub fn is_sound(&self, index: usize) -> bool {
+        let [head, tail] = self.radius[index];
+        let finite = self.ends[index].iter().all(|end| end.is_finite()) && head.is_finite() && tail.is_finite();
+        finite && head >= 0.0 && tail >= 0.0 && head.max(tail) > 0.0
+    }
 }
 
 /// An indexed triangle mesh.

@@ -22,6 +22,11 @@ pub fn radius(mass: f64, scale: f64) -> f64 {
     (mass / (4.0 / 3.0 * std::f64::consts::PI * DENSITY)).cbrt() * scale
 }
 
+/// Mass (kg) of a ball of water of `radius` (m).
+pub fn mass(radius: f64) -> f64 {
+    4.0 / 3.0 * std::f64::consts::PI * DENSITY * radius.powi(3)
+}
+
 /// Colour from speed (m/s), opacity from age (s).
 ///
 /// Fast, young spray is bright; it goes over to the slow colour as it slows or ages, and thins by 1/e per `fade_age`.
@@ -49,6 +54,7 @@ mod tests {
         assert!((radius(8000.0, 1.0) / r - 2.0).abs() < 1e-12);
         assert_eq!(radius(1000.0, 3.0), 3.0 * r);
         assert_eq!(radius(0.0, 1.0), 0.0);
+        assert!((mass(radius(0.3, 1.0)) - 0.3).abs() < 1e-12);
         assert!(radius(f64::MAX, 1.0).is_finite());
     }
 

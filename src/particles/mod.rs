@@ -1,11 +1,20 @@
-//! Spray: radius from mass, colour and opacity from speed and age, discs that face the eye.
+//! Spray: radius from mass, colour and opacity from speed and age, discs that face the eye, streaks along the flight; what
+//! each particle physically is, and the surface around those that hang together.
 //!
 //! Particles are single precision around the scene's origin, one array per field; where they are traced is not here.
 
 mod appearance;
 mod billboard;
+mod classes;
+mod neighbours;
+mod sheet;
 mod store;
+mod streak;
 
-pub use appearance::{Appearance, appearance, radius};
+pub use appearance::{Appearance, appearance, mass, radius};
 pub use billboard::{Facing, facing};
+pub use classes::{Class, Judged, Shares, mean_radius, shares};
+pub use neighbours::{Nearness, Neighbours};
+pub use sheet::{Sheet, SheetError, sheet};
 pub use store::Spray;
+pub use streak::{Streaks, streaks};

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 
 use crate::{scene, state};
 
-use super::{Appearance, appearance, radius};
+use super::{Appearance, Class, Shares, appearance, radius};
 
 /// Particles that can be drawn, in the order of the file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -17,6 +17,10 @@ pub struct Spray {
     pub radius: Vec<f32>,
     /// Albedo and opacity in 65535ths.
     look: Vec<[u16; 4]>,
+    /// Where each class begins, and after the last one where it ends; all are drops until they are sorted.
+    first: [usize; 6],
+    /// Factor on each opacity; empty where all are 1.
+    share: Vec<f32>,
     /// Particles left out because their radius is 0 (no mass, or a scale of 0).
     pub without_size: u64,
     /// Particles left out because their position, velocity or radius is beyond single precision.
@@ -52,7 +56,58 @@ impl Spray {
                     .push(look.albedo.extend(look.opacity).to_array().map(|share| (share * 65535.0).round() as u16));
             }
         }
+        spray.first = [0, spray.len(), spray.len(), spray.len(), spray.len(), spray.len()];
         spray
+    }
+
+    /// Sorts the particles by class. One that belongs to several stands in each, as opaque as its share there; in sheets from
+    /// one half on.
+    pub fn sorted(&self, shares: &[Shares]) -> Self {
+        let mut sorted = Self { without_size: self.without_size, out_of_range: self.out_of_range, ..Self::default() };
+        for class in Class::ALL {
+            sorted.first[class as usize] = sorted.len();
+            for (index, shares) in shares.iter().enumerate() {
+                let share = shares[class as usize];
+                // There are no halves of a surface; what a particle is besides still fades.
+                if share > 0.0 && (class != Class::Sheet || share >= 0.5) {
+                    let [r, g, b, opacity] = self.look[index];
+                    sorted.position.push(self.position[index]);
+                    sorted.velocity.push(self.velocity[index]);
+                    sorted.radius.push(self.radius[index]);
+                    sorted.look.push([r, g, b, (f32::from(opacity) * share).round() as u16]);
+                }
+            }
+        }
+        sorted.first[Class::ALL.len()] = sorted.len();
+        sorted
+    }
+
+    /// The particles of a class.
+    #[inline]
+    pub fn of(&self, class: Class) -> std::ops::Range<usize> {
+        self.first[class as usize]..self.first[class as usize + 1]
+    }
+
+    /// Sets a factor (0..1) on the opacity of the particles from `first` on: for shapes that were made wider than the
+    /// particle.
+    pub fn set_shares(&mut self, first: usize, shares: &[f32]) {
+        self.share.resize(self.len(), 1.0);
+        self.share[first..first + shares.len()].copy_from_slice(shares);
+    }
+
+    /// Some of the particles, as drops.
+    pub fn part(&self, range: std::ops::Range<usize>) -> Self {
+        let share = if self.share.is_empty() { Vec::new() } else { self.share[range.clone()].to_vec() };
+        let (none, end) = (0, range.len());
+        Self {
+            position: self.position[range.clone()].to_vec(),
+            velocity: self.velocity[range.clone()].to_vec(),
+            radius: self.radius[range.clone()].to_vec(),
+            look: self.look[range].to_vec(),
+            share,
+            first: [none, end, end, end, end, end],
+            ..Self::default()
+        }
     }
 
     /// Count of particles that can be drawn.
@@ -67,16 +122,18 @@ impl Spray {
         self.radius.is_empty()
     }
 
-    /// Colour and opacity of particle `index`, within 1/131070 of what [`appearance()`] says.
+    /// Colour and opacity of particle `index`, within 1/131070 of what [`appearance()`] says, times its share.
     #[inline]
     pub fn appearance(&self, index: usize) -> Appearance {
         let [r, g, b, opacity] = self.look[index].map(|share| f32::from(share) * (1.0 / 65535.0));
-        Appearance { albedo: Vec3::new(r, g, b), opacity }
+        let share = self.share.get(index).copied().unwrap_or(1.0);
+        Appearance { albedo: Vec3::new(r, g, b), opacity: opacity * share }
     }
 
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
-        (self.len() * (2 * size_of::<Vec3>() + size_of::<f32>() + size_of::<[u16; 4]>())) as u64
+        let each = 2 * size_of::<Vec3>() + size_of::<f32>() + size_of::<[u16; 4]>();
+        (self.len() * each + size_of_val(&*self.share)) as u64
     }
 }
 
@@ -107,6 +164,21 @@ mod tests {
         assert!((packed.albedo - exact.albedo).abs().max_element() < 8e-6);
         assert!((packed.opacity - exact.opacity).abs() < 8e-6);
         assert_eq!(spray.bytes(), 2 * 36);
+    }
+
+    #[test]
+    fn a_particle_of_two_classes_stands_in_both_by_its_shares() {
+        let mut particles = three();
+        particles.mass[1] = 0.25;
+        let spray = Spray::build(&particles, &scene::Particles::default(), DVec3::new(500_000.0, 10.0, 4_000_000.0));
+        assert_eq!((spray.of(Class::Drop), spray.of(Class::Bubble)), (0..3, 3..3));
+        let half = [0.25, 0.0, 0.75, 0.0, 0.0];
+        let sorted = spray.sorted(&[half, [0.0, 1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]]);
+        assert_eq!((sorted.of(Class::Drop), sorted.of(Class::Streak), sorted.of(Class::Mist)), (0..2, 2..3, 3..4));
+        assert_eq!([0, 2, 3].map(|place| sorted.position[place]), [0, 1, 0].map(|index| spray.position[index]));
+        let opacity = |spray: &Spray, place: usize| spray.appearance(place).opacity;
+        assert!((opacity(&sorted, 0) + opacity(&sorted, 3) - opacity(&spray, 0)).abs() < 4e-5);
+        assert!((opacity(&sorted, 0) / opacity(&spray, 0) - 0.25).abs() < 1e-4);
     }
 
     #[test]

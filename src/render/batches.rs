@@ -78,8 +78,10 @@ pub(super) struct Carrier {
     pub(super) depth: u16,
     /// Spray passed so far.
     pub(super) passed: u16,
-    /// It travels in water.
+    /// It travels in water: in the columns', or in that joined from spray.
     pub(super) in_water: bool,
+    /// Which of the two it is in; it may be in both.
+    pub(super) within: [bool; 2],
     /// It is the camera's own ray, not yet met with anything.
     pub(super) primary: bool,
     /// It is the first refracted ray, whose length the film notes.
@@ -137,6 +139,7 @@ impl Carrier {
             depth: 0,
             passed: 0,
             in_water,
+            within: [in_water, false],
             primary: true,
             notes_path: false,
             path: PathState { density: f32::INFINITY, ..PathState::default() },

@@ -67,6 +67,16 @@ impl Contact {
                 let shading = (out + axis * (1.0 - out.length_squared()).max(0.0).sqrt()).normalize_or(axis);
                 Self::on(center + offset, axis, shading, largest(center))
             }
+            Shape::Curves(curves) => {
+                // Moved onto the ball that the curve touches there, in double precision: radii may be far under the
+                // last digit of a far hit's place.
+                let along = origin.as_dvec3() + f64::from(t) * direction.as_dvec3();
+                let (center, radius) = curves.cone(index).ball_under(along);
+                let normal = (along - center).normalize_or(-direction.as_dvec3());
+                let position = (center + radius * normal).as_vec3();
+                let normal = normal.as_vec3();
+                Self::on(position, normal, normal, largest(position))
+            }
             Shape::Triangles(triangles) => {
                 let corners = triangles.index[index].map(|corner| corner as usize);
                 let [a, b, c] = corners.map(|corner| triangles.position[corner]);
@@ -108,10 +118,10 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::lower::{Material, Spheres, Triangles};
+    use crate::lower::{Curves, Material, Spheres, Triangles};
 
     fn part(shape: Shape) -> Part {
-        Part { name: "thing".into(), material: Material::Spray, shape }
+        Part { name: "thing".into(), material: Material::Spray { first: 0 }, shape }
     }
 
     #[test]
@@ -127,6 +137,20 @@ mod tests {
         let outside = contact.leave(contact.normal);
         assert!((outside - center).length() > 0.01);
         assert!((contact.leave(direction) - center).length() < 0.01);
+    }
+
+    #[test]
+    fn curve_hits_lie_on_the_curve_though_the_ray_came_from_far() {
+        let ends = [Vec3::new(3.0, 1.0, -2.0), Vec3::new(3.0, 1.2, -2.0)];
+        let curve = part(Shape::Curves(Arc::new(Curves { ends: vec![ends], radius: vec![[0.01, 0.005]] })));
+        let direction = Vec3::new(0.6, -0.48, 0.64);
+        let target = Vec3::new(3.0, 1.1, -2.0);
+        let contact = Contact::new(&curve, 0, [0.5, 0.0], target - 1000.0 * direction, direction, 999.9901, Vec3::ZERO);
+        let across = (contact.position - target) * Vec3::new(1.0, 0.0, 1.0);
+        assert!((across.length() - 0.0075).abs() < 2e-4, "{contact:?}");
+        // The cone narrows upward: its normal rises by the fall of the radius.
+        assert!((contact.normal.y - 0.025).abs() < 1e-3 && contact.normal.is_normalized());
+        assert!(contact.normal.dot(direction) < -0.5 && contact.error < 1e-5);
     }
 
     #[test]

@@ -26,6 +26,8 @@ pub enum Layer {
     Spray,
     /// Foam on the water.
     Foam,
+    /// Mist in the air.
+    Mist,
     /// Ground and objects.
     Terrain,
     /// Nothing.
@@ -34,13 +36,14 @@ pub enum Layer {
 
 impl Layer {
     /// Every layer, in the order of their channels.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Reflection,
         Self::Refraction,
         Self::Volume,
         Self::Caustics,
         Self::Spray,
         Self::Foam,
+        Self::Mist,
         Self::Terrain,
         Self::Sky,
     ];
@@ -54,6 +57,7 @@ impl Layer {
             Self::Caustics => "caustics",
             Self::Spray => "spray",
             Self::Foam => "foam",
+            Self::Mist => "mist",
             Self::Terrain => "terrain",
             Self::Sky => "sky",
         }

@@ -5,6 +5,7 @@ use glam::Vec3;
 use super::{GroundLook, Matter, SprayLook};
 use crate::{
     foam::{Aeration, FoamField, FoamLook},
+    mist::Mist,
     particles,
     surface::SplineSurface,
     terrain::{Ground, GroundPoint, SkyView, Waterline},
@@ -27,6 +28,8 @@ pub struct Looks<'a> {
     pub bed: Option<&'a SplineSurface>,
     /// The foam; `None` without any.
     pub foam: Option<&'a FoamField>,
+    /// The mist; `None` without any.
+    pub mist: Option<&'a Mist>,
 }
 
 impl Matter for Looks<'_> {
@@ -52,6 +55,10 @@ impl Matter for Looks<'_> {
 
     fn foam(&self, position: Vec3, footprint: f32) -> Option<FoamLook> {
         self.foam?.at(position.x, position.z, footprint)
+    }
+
+    fn mist(&self) -> Option<&Mist> {
+        self.mist
     }
 
     fn most_bubbles(&self) -> f32 {

@@ -17,6 +17,7 @@ mod path;
 mod path_tracer;
 mod sampler;
 mod shadow;
+mod single_scattering;
 mod tiles;
 mod wave;
 mod whitted;

@@ -1,6 +1,6 @@
 //! Direct light: which lights a point asks for, and the chain of hits on the way to each.
 //!
-//! Ground and objects stop light, spray lets 1 - opacity of it through, water crossings cost Fresnel's share and what
+//! Ground and objects stop light, spray lets 1 - opacity of it through, mist its transmittance, water crossings cost Fresnel's share and what
 //! the water on the way absorbs. Rays from under water towards the sun are bent once, as under a level surface, unless
 //! caustics are asked for: then `caustics` finds where the waves focus the sun, as it does for paths.
 
@@ -10,6 +10,7 @@ use super::{
     batches::{Carrier, Scratch, ShadowCarrier},
     contact::Contact,
     film::{Layer, Place},
+    matte::{Line, cosine},
     path_tracer::Asker,
     world::{SUN, World},
 };
@@ -33,6 +34,8 @@ pub(super) struct Receiver<'a> {
     pub(super) normal: Vec3,
     /// Unit geometric normal towards the viewer; `None` for what light reaches from both sides.
     pub(super) facing: Option<Vec3>,
+    /// It is a streak too thin to be seen as round.
+    pub(super) line: Option<Line>,
     /// Share of radiance that reaches the sample, albedo and 1/pi included.
     pub(super) weight: Vec3,
     pub(super) in_water: bool,
@@ -42,6 +45,13 @@ pub(super) struct Receiver<'a> {
     pub(super) distance: f32,
     pub(super) place: Place,
     pub(super) layer: Layer,
+}
+
+impl Receiver<'_> {
+    /// As [`super::matte::Matte::cosine`].
+    fn cosine(&self, direction: Vec3) -> f32 {
+        cosine(self.normal, self.facing, self.line.as_ref(), direction)
+    }
 }
 
 impl World<'_> {
@@ -59,14 +69,12 @@ impl World<'_> {
             in_water: receiver.in_water,
             bent: false,
         };
-        // A smooth shading normal may see a light that the flat surface under it turns its back to.
-        let faces = |direction: Vec3| receiver.facing.is_none_or(|normal| normal.dot(direction) > 0.0);
         if receiver.in_water {
             if self.manifold.is_some() {
                 self.ask_for_caustics(receiver, scratch);
             } else if let Some(sun) = &self.sun_below {
-                let cosine = receiver.normal.dot(sun.direction);
-                if cosine > 0.0 && faces(sun.direction) {
+                let cosine = receiver.cosine(sun.direction);
+                if cosine > 0.0 {
                     let bent = ShadowCarrier {
                         light: receiver.weight * sun.irradiance * cosine,
                         level_path: receiver.depth / sun.direction.y,
@@ -77,8 +85,8 @@ impl World<'_> {
                 }
             }
         } else {
-            let cosine = receiver.normal.dot(self.sun.direction);
-            if cosine > 0.0 && faces(self.sun.direction) && self.sun.irradiance.max_element() > 0.0 {
+            let cosine = receiver.cosine(self.sun.direction);
+            if cosine > 0.0 && self.sun.irradiance.max_element() > 0.0 {
                 carrier.light = receiver.weight * self.sun.irradiance * cosine;
                 self.push_shadow(receiver.contact, self.sun.direction, f32::INFINITY, carrier, scratch);
             }
@@ -87,8 +95,8 @@ impl World<'_> {
             let to_lamp = lamp.position - receiver.contact.position;
             let distance = to_lamp.length();
             let direction = to_lamp / distance;
-            let cosine = receiver.normal.dot(direction);
-            if cosine > 0.0 && faces(direction) {
+            let cosine = receiver.cosine(direction);
+            if cosine > 0.0 {
                 carrier.group = lamp.group;
                 carrier.light = receiver.weight * lamp.intensity * (cosine / (distance * distance));
                 // The lamp is a point: nothing at its very place stands in the way.
@@ -109,10 +117,7 @@ impl World<'_> {
             distance: receiver.distance,
             ..Carrier::camera(receiver.weight, receiver.place, receiver.in_water)
         };
-        let value = |direction: Vec3| {
-            let seen = receiver.facing.is_none_or(|facing| facing.dot(direction) > 0.0);
-            if seen { receiver.normal.dot(direction).max(0.0) } else { 0.0 }
-        };
+        let value = |direction: Vec3| receiver.cosine(direction);
         let asker = Asker {
             position: receiver.contact.leave(receiver.facing.unwrap_or(receiver.normal)),
             contact: Some(receiver.contact),
@@ -133,7 +138,18 @@ impl World<'_> {
         carrier: ShadowCarrier,
         scratch: &mut Scratch,
     ) {
-        let origin = contact.leave(direction);
+        self.push_shadow_from(contact.leave(direction), direction, reach, carrier, scratch);
+    }
+
+    /// Queues one ray towards a light from a point that is on nothing.
+    pub(super) fn push_shadow_from(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        reach: f32,
+        carrier: ShadowCarrier,
+        scratch: &mut Scratch,
+    ) {
         scratch.shadow.rays.push(origin, direction, 0.0, reach, self.secondary_tolerance_at(carrier.distance));
         scratch.shadow.carriers.push(carrier);
     }
@@ -156,7 +172,11 @@ impl World<'_> {
         let mut carrier = scratch.shadow.carriers[index];
         let (t, part) = (scratch.hits.t[index], scratch.hits.part[index]);
         let reach = scratch.shadow.rays.tfar[index];
+        let (origin, mut direction) = (scratch.shadow.rays.origin(index), scratch.shadow.rays.direction(index));
         if part == NO_PART {
+            if !carrier.in_water {
+                carrier.share *= self.clear_of_mist(origin, direction, reach);
+            }
             let path = match (carrier.in_water, carrier.bent) {
                 (false, _) => 0.0,
                 (true, true) => carrier.level_path,
@@ -166,7 +186,6 @@ impl World<'_> {
             scratch.film.add(carrier.place, carrier.layer, carrier.group, light);
             return;
         }
-        let (origin, mut direction) = (scratch.shadow.rays.origin(index), scratch.shadow.rays.direction(index));
         let part = &self.lowered.parts[part as usize];
         let given = Vec3::from_array(std::array::from_fn(|axis| scratch.hits.normal[axis][index]));
         let primitive = scratch.hits.primitive[index];
@@ -174,9 +193,11 @@ impl World<'_> {
         let contact = Contact::new(part, primitive, place, origin, direction, t, given);
         let outward = direction.dot(contact.normal) > 0.0;
         match &part.material {
-            Material::Water => {
+            Material::Water | Material::Sheet => {
                 if outward {
                     carrier.light *= transmittance(self.water.absorption, t);
+                } else {
+                    carrier.share *= self.clear_of_mist(origin, direction, t);
                 }
                 if carrier.bent {
                     // The beam's own losses at the surface are in its irradiance already.
@@ -188,10 +209,13 @@ impl World<'_> {
                 }
                 carrier.in_water = !outward;
             }
-            Material::Spray => {
+            Material::Spray { first } => {
+                if !carrier.in_water {
+                    carrier.share *= self.clear_of_mist(origin, direction, t);
+                }
                 // A ball is met twice, on the way in and on the way out, and counts once.
                 if !outward || matches!(part.shape, Shape::Discs(_)) {
-                    carrier.share *= 1.0 - self.matter.spray(primitive).opacity;
+                    carrier.share *= 1.0 - self.matter.spray(first + primitive).opacity;
                 }
             }
             Material::Ground | Material::Diffuse(_) | Material::VertexColours(_) => return,

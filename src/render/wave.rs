@@ -4,7 +4,7 @@
 use glam::Vec3;
 
 use super::{
-    batches::{CameraSample, Carrier, Scratch},
+    batches::{CameraSample, Carrier, PathState, Scratch},
     contact::Contact,
     film::{Nearest, Place},
     sampler::Sampler,
@@ -33,12 +33,55 @@ pub(super) struct Arrival<'a> {
     pub(super) contact: Contact,
 }
 
+impl Arrival<'_> {
+    /// Which of the two waters the ray has met, as [`Carrier::within`] counts them.
+    #[inline]
+    pub(super) fn body(&self) -> Option<usize> {
+        match self.part.material {
+            Material::Water => Some(0),
+            Material::Sheet => Some(1),
+            _ => None,
+        }
+    }
+
+    /// [`Carrier::within`] beyond what was met.
+    #[inline]
+    pub(super) fn beyond(&self) -> [bool; 2] {
+        let mut within = self.carrier.within;
+        if let Some(body) = self.body() {
+            within[body] = !within[body];
+        }
+        within
+    }
+
+    /// Whether there is water on both sides: the one that was met ends or begins inside of the other.
+    #[inline]
+    pub(super) fn is_inner(&self) -> bool {
+        self.body().is_some_and(|body| self.carrier.within[1 - body])
+    }
+}
+
 impl World<'_> {
+    /// Takes a ray straight on through a border with the same water on both sides.
+    pub(super) fn pass_inner(&self, arrival: &Arrival, scratch: &mut Scratch) {
+        let Arrival { carrier, direction, contact, .. } = arrival;
+        if carrier.passed == u16::MAX {
+            return;
+        }
+        let path = PathState { event: carrier.path.event.saturating_add(1), ..carrier.path };
+        let on = Carrier { within: arrival.beyond(), passed: carrier.passed + 1, path, ..*carrier };
+        let tolerance = self.secondary_tolerance_at(carrier.distance);
+        scratch.next.rays.push(contact.leave(*direction), *direction, 0.0, f32::INFINITY, tolerance);
+        scratch.next.carriers.push(on);
+    }
+
     /// What every arrival tells: on which side of the water's surface the ray was, whatever was thought before, and how
     /// long the first refracted ray is.
     pub(super) fn note_arrival(&self, arrival: &mut Arrival, scratch: &mut Scratch) {
-        if matches!(arrival.part.material, Material::Water) {
-            arrival.carrier.in_water = arrival.direction.dot(arrival.contact.normal) > 0.0;
+        if let Some(body) = arrival.body() {
+            let carrier = &mut arrival.carrier;
+            carrier.within[body] = arrival.direction.dot(arrival.contact.normal) > 0.0;
+            carrier.in_water = carrier.within != [false; 2];
         }
         let carrier = &mut arrival.carrier;
         if carrier.notes_path {
@@ -197,7 +240,7 @@ impl World<'_> {
                 let hit = scratch.hits.part[index];
                 if hit == NO_PART {
                     match self.integrator {
-                        Integrator::Whitted => self.escape(&carrier, direction, scratch),
+                        Integrator::Whitted => self.escape(carrier, origin, direction, scratch),
                         Integrator::Path => self.path_escape(carrier, origin, direction, scratch),
                     }
                     continue;

@@ -1,4 +1,4 @@
-//! The Whitted integrator: what a hit adds, and what follows from it. `wave` traces.
+//! The Whitted integrator: what a hit adds, and what follows from it. `wave` traces, `single_scattering` looks through mist.
 //!
 //! T. Whitted, An improved illumination model for shaded display, 1980, with absorption, direct light through the
 //! surface (`shadow`) and the sun's image on the water. Radiance in water is n^2 times that in air along a refracted
@@ -29,7 +29,7 @@ use crate::{
 };
 
 /// Throughput under which a ray is not followed: half's rounding (11 bits) of a pixel as bright as what the ray would see.
-const LEAST_THROUGHPUT: f32 = 1.0 / 2048.0;
+pub(super) const LEAST_THROUGHPUT: f32 = 1.0 / 2048.0;
 
 enum Kind {
     Reflection,
@@ -39,7 +39,8 @@ enum Kind {
 
 impl World<'_> {
     /// A ray that met nothing.
-    pub(super) fn escape(&self, carrier: &Carrier, direction: Vec3, scratch: &mut Scratch) {
+    pub(super) fn escape(&self, mut carrier: Carrier, origin: Vec3, direction: Vec3, scratch: &mut Scratch) {
+        self.look_through_mist(&mut carrier, origin, direction, f32::INFINITY, scratch);
         let film = &mut scratch.film;
         film.add_guide(carrier.place.pixel, carrier.guide, Vec3::ONE, Vec3::ZERO);
         if carrier.in_water {
@@ -66,13 +67,16 @@ impl World<'_> {
     /// A ray that met something: absorption on its way, the film's data, then light by material.
     pub(super) fn arrive(&self, mut arrival: Arrival, scratch: &mut Scratch) {
         self.note_arrival(&mut arrival, scratch);
-        let Arrival { carrier, t, part, .. } = &mut arrival;
-        let (t, water) = (*t, matches!(part.material, Material::Water));
+        let Arrival { carrier, origin, direction, t, part, .. } = &mut arrival;
+        let (t, water) = (*t, matches!(part.material, Material::Water | Material::Sheet));
         if carrier.in_water {
             carrier.throughput *= transmittance(self.water.absorption, t);
         }
+        self.look_through_mist(carrier, *origin, *direction, t, scratch);
         carrier.distance += t;
-        if water {
+        if arrival.is_inner() {
+            self.pass_inner(&arrival, scratch);
+        } else if water {
             if arrival.carrier.primary {
                 self.offer_water(&arrival, scratch);
             }
@@ -119,6 +123,7 @@ impl World<'_> {
             contact,
             normal,
             facing: Some(contact.normal),
+            line: None,
             weight,
             in_water: false,
             depth: 0.0,
@@ -159,6 +164,7 @@ impl World<'_> {
                     contact,
                     normal,
                     facing: Some(side(contact.normal)),
+                    line: None,
                     weight,
                     in_water: false,
                     depth: 0.0,
@@ -189,6 +195,7 @@ impl World<'_> {
                 guide: carrier.guide * (1.0 - reflectance),
                 layer: Some(refraction_layer),
                 in_water: !from_water,
+                within: arrival.beyond(),
                 notes_path: carrier.primary && !from_water,
                 ..child
             };
@@ -300,7 +307,7 @@ impl World<'_> {
         if behind < LEAST_THROUGHPUT || carrier.passed >= PASSES {
             matte.opacity = 1.0;
         }
-        let Matte { albedo, normal, facing, sky_view, opacity, velocity, own_layer, depth } = matte;
+        let Matte { albedo, normal, facing, line, sky_view, opacity, velocity, own_layer, depth } = matte;
         if carrier.primary {
             self.offer(arrival, normal, velocity, 0.0, scratch);
         }
@@ -311,7 +318,12 @@ impl World<'_> {
         if carrier.in_water {
             weight *= self.returned_light(albedo, depth);
         }
-        let ambient = if carrier.in_water { self.ambient_below(normal, depth) } else { self.sky.irradiance(normal) };
+        let ambient = match &line {
+            _ if carrier.in_water => self.ambient_below(normal, depth),
+            // The sky's irradiance is of degree two in the normal.
+            Some(line) => line.mean(normal, |normal| self.sky.irradiance(normal)),
+            None => self.sky.irradiance(normal),
+        };
         scratch.film.add(carrier.place, layer, SKY, weight * ambient * sky_view);
         let direct_layer =
             if carrier.in_water && carrier.layer == Some(Layer::Refraction) { Layer::Caustics } else { layer };
@@ -319,6 +331,7 @@ impl World<'_> {
             contact,
             normal,
             facing,
+            line,
             weight,
             in_water: carrier.in_water,
             depth,

@@ -7,6 +7,7 @@ use crate::{
     accel::Accelerator,
     foam::{Aeration, FoamLook},
     lower::{Lowered, Material},
+    mist::Mist,
     optics::{Interface, Medium, Sky, SkySampler, Sun, fresnel, highlight::Lobe},
     scene,
 };
@@ -14,6 +15,7 @@ use crate::{
 use super::{
     Camera, Moment, Sampler,
     caustics::{BeamError, BeamMap, BeamSun, Manifold},
+    single_scattering,
 };
 
 /// The look of the ground at a point.
@@ -56,6 +58,10 @@ pub trait Matter: Sync {
     /// Greatest extinction (1/m) of bubbles anywhere; 0 where there are none.
     fn most_bubbles(&self) -> f32 {
         0.0
+    }
+    /// The mist in the air; `None` where there is none.
+    fn mist(&self) -> Option<&Mist> {
+        None
     }
     /// The bubbles in the water under its surface at x, z; `None` where there are none.
     fn bubbles(&self, _x: f32, _z: f32) -> Option<Aeration> {
@@ -241,6 +247,10 @@ pub(super) struct World<'a> {
     pub(super) limits: Limits,
     /// Greatest extinction (1/m) of bubbles.
     pub(super) most_bubbles: f32,
+    /// The mist in the air, if there is any.
+    pub(super) mist: Option<&'a Mist>,
+    /// Mean radiance of the sky and the far ground, all around.
+    pub(super) mean_sky: Vec3,
     /// Links may be thinned by spray.
     pub(super) has_spray: bool,
     /// Tolerance of a surface hit: metres, and metres per metre travelled.
@@ -313,7 +323,9 @@ impl<'a> World<'a> {
                 clamp: scene.render.clamp.map(|limit| limit as f32),
             },
             most_bubbles: matter.most_bubbles(),
-            has_spray: lowered.parts.iter().any(|part| matches!(part.material, Material::Spray)),
+            mist: matter.mist().filter(|mist| !mist.is_empty()),
+            mean_sky: single_scattering::mean_radiance(sky),
+            has_spray: lowered.parts.iter().any(|part| matches!(part.material, Material::Spray { .. })),
             tolerance,
             secondary_tolerance: tolerance.map(|part| part * scene.surface.secondary_accuracy as f32),
         };
@@ -331,6 +343,7 @@ impl<'a> World<'a> {
                     ior: world.water.ior,
                     attenuation: world.medium.extinction(),
                     reflectance: &|cosine| world.water.reflectance(cosine, false),
+                    clear: &|point| world.clear_of_mist(point, world.sun.direction, f32::INFINITY),
                 };
                 let beams = BeamMap::build(water, lowered, accelerator, &sun, scene.render.beam_samples)?;
                 world.beams = Some(beams);

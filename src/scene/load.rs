@@ -232,7 +232,7 @@ mod tests {
             ("water.fresnel", &["exact", "schlick"]),
             ("water.phase", &["henyey-greenstein", "two-lobe", "pure"]),
             ("sky.kind", &["analytic", "preetham", "constant"]),
-            ("particles.representation", &["spheres"]),
+            ("particles.representation", &["spheres", "billboards", "streamlines", "none"]),
             ("accel.water", &["embree", "columns", "brute"]),
             ("accel.objects", &["embree", "bsp", "bsp-sah", "bsp-report", "brute"]),
         ] {

@@ -89,7 +89,7 @@ pub struct Render {
     /// How many diffuse things (ground, objects, spray, foam) a path may meet before what it meets counts as black.
     #[schemars(range(min = 0, max = 1000))]
     pub diffuse_depth: u32,
-    /// How often the water may scatter a path before it counts as black.
+    /// How often the water, or mist, may scatter a path before it counts as black.
     #[schemars(range(min = 0, max = 100000))]
     pub volume_depth: u32,
     /// Greatest radiance that one path may add to a pixel after its first diffuse or scattering event; by default there

@@ -7,7 +7,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Foam, Light, Render, Simulation, Water};
+use super::{Classes, DropMatter, Foam, Light, Render, Sheet, Simulation, Water};
 
 /// A whole scene file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -222,6 +222,14 @@ pub enum ParticleRepresentation {
     Spheres,
     /// Discs that face the eye.
     Billboards,
+    /// One surface around drops that are close together, of the water's own matter.
+    Surface,
+    /// What each particle physically is: drops, sheets of water, bubbles.
+    Auto,
+    /// Round curves along what each particle flies while the shutter is open.
+    Streamlines,
+    /// Clouds of fine droplets: a medium in the air.
+    Mist,
     /// Not at all.
     None,
 }
@@ -230,8 +238,10 @@ pub enum ParticleRepresentation {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Particles {
-    /// `spheres`, `billboards` or `none`.
+    /// `spheres`, `billboards`, `streamlines`, `mist`, `surface`, `auto` or `none`.
     pub representation: ParticleRepresentation,
+    /// `diffuse`, or `water`: drops that reflect and refract as the water does.
+    pub matter: DropMatter,
     /// Factor on every radius.
     #[schemars(range(min = 0.0, max = 1000000.0))]
     pub scale: f64,
@@ -250,17 +260,49 @@ pub struct Particles {
     /// Age (s) by which opacity has fallen to 1/e.
     #[schemars(range(min = 0.001, max = 1000000000.0))]
     pub fade_age: f64,
+    /// What `auto` goes by.
+    pub classes: Classes,
+    /// How `surface` joins particles.
+    pub sheet: Sheet,
+    /// Seconds of flight that a streak shows; by default the time that the shutter is open, or a moment's part of it, with
+    /// motion blur, and 1/50 s without.
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    pub streak: Option<f64>,
+    /// Radius of a streak's tail, as a share of its head's.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub taper: f64,
+    /// Streaks narrower than this (pixels) are drawn as wide, and let as much more light through.
+    #[schemars(range(min = 0.0, max = 100.0))]
+    pub least_width: f64,
+    /// Radius (m) of the droplets that a particle's water is in as mist: extinction is 3 m / (2 rho radius) square metres.
+    #[schemars(range(min = 0.000001, max = 100.0))]
+    pub droplet_radius: f64,
+    /// Share of a particle's water that is in those droplets, where all particles are drawn as mist; the rest is not drawn.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub mist_share: f64,
+    /// Width (m) of a particle's cloud as mist: two standard deviations, four voxels of the grid.
+    #[schemars(range(min = 0.001, max = 10000.0))]
+    pub mist_width: f64,
 }
 impl Default for Particles {
     fn default() -> Self {
         Self {
             representation: ParticleRepresentation::Spheres,
+            matter: DropMatter::Diffuse,
             scale: 1.0,
             slow_albedo: [0.72, 0.80, 0.84],
             fast_albedo: [0.94, 0.96, 0.97],
             fast_speed: 4.0,
             opacity: 0.9,
             fade_age: 2.0,
+            classes: Classes::default(),
+            sheet: Sheet::default(),
+            streak: None,
+            taper: 0.25,
+            least_width: 1.0,
+            droplet_radius: 5e-5,
+            mist_share: 0.002,
+            mist_width: 0.25,
         }
     }
 }

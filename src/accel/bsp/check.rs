@@ -2,7 +2,7 @@
 //!
 //! It shares nothing with the planting but a primitive's box, and asks of every leaf whether it holds what lies in it.
 
-use super::leaf::{Leaves, Run};
+use super::leaf::{Leaves, Runs};
 use super::primitive::{Aabb, Primitive};
 use super::{Bsp, Node, Rule};
 
@@ -58,7 +58,7 @@ pub enum Flaw {
     /// Blocks that are not there, not this leaf's alone, or no leaf's.
     #[error("blocks of kind {kind}: number {block} is held by {times} leaves, expected one")]
     Blocks {
-        /// 0 spheres, 1 discs, 2 triangles.
+        /// 0 spheres, 1 discs, 2 triangles, 3 curves.
         kind: usize,
         /// The block.
         block: usize,
@@ -106,7 +106,7 @@ pub enum Flaw {
 /// What is counted on the way.
 struct Counted {
     nodes: Vec<u32>,
-    blocks: [Vec<u32>; 3],
+    blocks: [Vec<u32>; 4],
     primitives: Vec<u32>,
 }
 
@@ -120,7 +120,7 @@ impl Bsp {
     /// # Errors
     /// The first flaw found.
     pub fn check(&self) -> Result<(), Flaw> {
-        let kinds = [self.leaves.spheres.len(), self.leaves.discs.len(), self.leaves.triangles.len()];
+        let kinds = self.leaves.counts();
         let mut counted = Counted {
             nodes: vec![0; self.nodes.len()],
             blocks: kinds.map(|count| vec![0; count]),
@@ -180,7 +180,7 @@ impl Bsp {
     }
 
     fn check_leaf(&self, leaf: u32, node: Node, cell: Aabb, inside: &[u32], counted: &mut Counted) -> Result<(), Flaw> {
-        let runs: [Run; 3] = self.leaves.runs(node.kind(), (node.value, node.count()));
+        let runs: Runs = self.leaves.runs(node.kind(), (node.value, node.count()));
         for (kind, (start, count)) in runs.into_iter().enumerate() {
             for block in start as usize..(start + count) as usize {
                 let times = counted.blocks[kind].get_mut(block).ok_or(Flaw::Blocks { kind, block, times: 1 })?;

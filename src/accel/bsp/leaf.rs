@@ -1,11 +1,12 @@
-//! What lies in leaves: blocks of four primitives in structure-of-arrays form, and a ray's tests against them.
+//! What lies in leaves: blocks of four primitives (of one curve) in structure-of-arrays form, and a ray's tests against them.
 //!
 //! Blocks repeat the scene's numbers in the order in which a walk meets them: the scene's own arrays would cost a ray a
 //! cache line per primitive. Equal distances go to the higher number, whatever the order of the tests, as by brute force.
 
-use glam::{BVec4A, Vec3, Vec4};
+use glam::{BVec4A, DVec3, Vec3, Vec4};
 
 use super::primitive::{Objects, Primitive};
+use crate::math::RoundCone;
 
 /// Primitives to a block: the lanes that every x86-64 and aarch64 processor has.
 pub(super) const BLOCK: usize = 4;
@@ -16,7 +17,8 @@ pub(super) enum Kind {
     Spheres = 0,
     Discs = 1,
     Triangles = 2,
-    /// Of more than one kind: the leaf names an entry of [`Leaves::mixed`].
+    /// Of more than one kind, or curves, for which a node's two bits have no name: the leaf names an entry of
+    /// [`Leaves::mixed`].
     Mixed = 3,
 }
 
@@ -47,13 +49,25 @@ pub(super) struct TriangleBlock {
     number: [u32; BLOCK],
 }
 
+/// A curve, which is tested in double precision by itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct CurveBlock {
+    ends: [Vec3; 2],
+    radius: [f32; 2],
+    number: u32,
+}
+
+/// The runs of a leaf's blocks, by kind: spheres, discs, triangles, curves.
+pub(super) type Runs = [Run; 4];
+
 /// The blocks of all leaves.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Leaves {
     pub(super) spheres: Vec<SphereBlock>,
     pub(super) discs: Vec<DiscBlock>,
     pub(super) triangles: Vec<TriangleBlock>,
-    pub(super) mixed: Vec<[Run; 3]>,
+    pub(super) curves: Vec<CurveBlock>,
+    pub(super) mixed: Vec<Runs>,
 }
 
 /// No number: fills a block's unused lanes.
@@ -71,12 +85,18 @@ impl Leaves {
         (size_of_val(&*self.spheres)
             + size_of_val(&*self.discs)
             + size_of_val(&*self.triangles)
+            + size_of_val(&*self.curves)
             + size_of_val(&*self.mixed)) as u64
+    }
+
+    /// Blocks of each kind.
+    pub(super) fn counts(&self) -> [usize; 4] {
+        [self.spheres.len(), self.discs.len(), self.triangles.len(), self.curves.len()]
     }
 
     /// Appends a leaf's primitives; its kind, and its first block and their count.
     pub(super) fn push(&mut self, objects: &Objects, numbers: &[u32]) -> (Kind, Run) {
-        let start = [self.spheres.len(), self.discs.len(), self.triangles.len()];
+        let start = self.counts();
         let mut used = [0; 3];
         for &number in numbers {
             match objects.get(number) {
@@ -105,6 +125,7 @@ impl Leaves {
                         block.number[lane] = number;
                     }
                 }
+                Primitive::Curve { ends, radius } => self.curves.push(CurveBlock { ends, radius, number }),
                 Primitive::Triangle(corners) => {
                     let lane = used[2] % BLOCK;
                     used[2] += 1;
@@ -120,12 +141,12 @@ impl Leaves {
                 }
             }
         }
-        let end = [self.spheres.len(), self.discs.len(), self.triangles.len()];
-        let runs: [Run; 3] = std::array::from_fn(|kind| (start[kind] as u32, (end[kind] - start[kind]) as u32));
+        let end = self.counts();
+        let runs: Runs = std::array::from_fn(|kind| (start[kind] as u32, (end[kind] - start[kind]) as u32));
         match runs {
-            [run, (_, 0), (_, 0)] => (Kind::Spheres, run),
-            [(_, 0), run, (_, 0)] => (Kind::Discs, run),
-            [(_, 0), (_, 0), run] => (Kind::Triangles, run),
+            [run, (_, 0), (_, 0), (_, 0)] => (Kind::Spheres, run),
+            [(_, 0), run, (_, 0), (_, 0)] => (Kind::Discs, run),
+            [(_, 0), (_, 0), run, (_, 0)] => (Kind::Triangles, run),
             _ => {
                 self.mixed.push(runs);
                 (Kind::Mixed, (self.mixed.len() as u32 - 1, 1))
@@ -133,47 +154,53 @@ impl Leaves {
         }
     }
 
-    /// Appends the blocks of another; how far each kind's first moved.
+    /// Appends the blocks of another; how far the first of each [`Kind`] moved.
     pub(super) fn append(&mut self, mut other: Self) -> [u32; 4] {
-        let moved =
-            [self.spheres.len(), self.discs.len(), self.triangles.len(), self.mixed.len()].map(|len| len as u32);
+        let moved = self.counts().map(|count| count as u32);
+        let [spheres, discs, triangles, _] = moved;
+        let mixed = self.mixed.len() as u32;
         self.spheres.append(&mut other.spheres);
         self.discs.append(&mut other.discs);
         self.triangles.append(&mut other.triangles);
+        self.curves.append(&mut other.curves);
         for runs in &mut other.mixed {
             for (run, moved) in runs.iter_mut().zip(moved) {
                 run.0 += moved;
             }
         }
         self.mixed.append(&mut other.mixed);
-        moved
+        [spheres, discs, triangles, mixed]
     }
 
-    /// The runs of blocks of a leaf: spheres, discs, triangles.
-    pub(super) fn runs(&self, kind: u32, run: Run) -> [Run; 3] {
+    /// The runs of blocks of a leaf.
+    pub(super) fn runs(&self, kind: u32, run: Run) -> Runs {
+        const NONE: Run = (0, 0);
         match kind {
-            0 => [run, (0, 0), (0, 0)],
-            1 => [(0, 0), run, (0, 0)],
-            2 => [(0, 0), (0, 0), run],
+            0 => [run, NONE, NONE, NONE],
+            1 => [NONE, run, NONE, NONE],
+            2 => [NONE, NONE, run, NONE],
             _ => self.mixed[run.0 as usize],
         }
     }
 
     /// Numbers in runs of blocks.
-    pub(super) fn numbers(&self, runs: [Run; 3]) -> impl Iterator<Item = u32> {
-        let [spheres, discs, triangles] = runs.map(|(start, count)| start as usize..(start + count) as usize);
+    pub(super) fn numbers(&self, runs: Runs) -> impl Iterator<Item = u32> {
+        let [spheres, discs, triangles, curves] = runs.map(range);
         let spheres = self.spheres[spheres].iter().map(|block| block.number);
         let discs = self.discs[discs].iter().map(|block| block.number);
         let triangles = self.triangles[triangles].iter().map(|block| block.number);
-        spheres.chain(discs).chain(triangles).flatten().filter(|&number| number != UNUSED)
+        let curves = self.curves[curves].iter().map(|block| block.number);
+        let blocks = spheres.chain(discs).chain(triangles).flatten().filter(|&number| number != UNUSED);
+        blocks.chain(curves)
     }
 
     /// Whether these blocks, all of them, are those in another's runs.
-    pub(super) fn same(&self, other: &Self, runs: [Run; 3]) -> bool {
-        let [spheres, discs, triangles] = runs.map(|(start, count)| start as usize..(start + count) as usize);
+    pub(super) fn same(&self, other: &Self, runs: Runs) -> bool {
+        let [spheres, discs, triangles, curves] = runs.map(range);
         self.spheres == other.spheres[spheres]
             && self.discs == other.discs[discs]
             && self.triangles == other.triangles[triangles]
+            && self.curves == other.curves[curves]
     }
 
     /// Moves the first sphere, for the tests of the check.
@@ -185,13 +212,12 @@ impl Leaves {
     /// Tests a leaf's blocks; true when something nearer was found.
     #[inline]
     pub(super) fn test<const ANY: bool>(&self, kind: u32, run: Run, ray: &LeafRay, best: &mut Best) -> bool {
-        let range = |run: Run| run.0 as usize..run.0 as usize + run.1 as usize;
         match kind {
             0 => each::<_, ANY>(&self.spheres[range(run)], |block| block.test(ray, best)),
             1 => each::<_, ANY>(&self.discs[range(run)], |block| block.test(ray, best)),
             2 => each::<_, ANY>(&self.triangles[range(run)], |block| block.test(ray, best)),
             _ => {
-                let [spheres, discs, triangles] = self.mixed[run.0 as usize];
+                let [spheres, discs, triangles, curves] = self.mixed[run.0 as usize];
                 let mut found = each::<_, ANY>(&self.spheres[range(spheres)], |block| block.test(ray, best));
                 if !(ANY && found) {
                     found |= each::<_, ANY>(&self.discs[range(discs)], |block| block.test(ray, best));
@@ -199,10 +225,17 @@ impl Leaves {
                 if !(ANY && found) {
                     found |= each::<_, ANY>(&self.triangles[range(triangles)], |block| block.test(ray, best));
                 }
+                if !(ANY && found) {
+                    found |= each::<_, ANY>(&self.curves[range(curves)], |block| block.test(ray, best));
+                }
                 found
             }
         }
     }
+}
+
+fn range((start, count): Run) -> std::ops::Range<usize> {
+    start as usize..(start + count) as usize
 }
 
 #[inline]
@@ -378,5 +411,15 @@ impl TriangleBlock {
             found |= best.offer(t[lane], self.number[lane], u[lane], v[lane]);
         }
         found
+    }
+}
+
+impl CurveBlock {
+    fn test(&self, ray: &LeafRay, best: &mut Best) -> bool {
+        let first = |lanes: [Vec4; 3]| DVec3::new(lanes[0].x.into(), lanes[1].x.into(), lanes[2].x.into());
+        let cone = RoundCone::new(self.ends.map(|end| end.as_dvec3()), self.radius.map(f64::from));
+        let interval = [ray.tnear.into(), best.t.into()];
+        let Some(hit) = cone.crossing(first(ray.origin), first(ray.direction), interval) else { return false };
+        best.offer(hit.t as f32, self.number, hit.along as f32, 0.0)
     }
 }

@@ -1,8 +1,9 @@
-//! Handwritten binary space partitions over spheres, discs and triangles, traced one ray at a time without Embree.
+//! Handwritten binary space partitions over spheres, discs, curves and triangles, traced one ray at a time without Embree.
 //!
 //! Three ways to plant one tree: the report's (section 3.2.1), the same with right answers, and one that places its planes
 //! by the surface-area heuristic. `build` plants, `walk` asks, `leaf` tests what lies in a leaf, `check` proves a tree
-//! well formed, `primitive` knows the boxes. Intersections are single precision and follow Embree's conventions.
+//! well formed, `primitive` knows the boxes. Intersections are single precision (a
+//! curve's double) and follow Embree's conventions.
 
 mod build;
 mod check;
@@ -124,7 +125,7 @@ impl Node {
     }
 }
 
-/// A tree over spheres, discs and triangles.
+/// A tree over spheres, discs, curves and triangles.
 pub struct Bsp {
     objects: Objects,
     plan: Plan,

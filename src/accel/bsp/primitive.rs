@@ -5,6 +5,7 @@
 use glam::{DVec3, Vec3};
 
 use super::super::{AccelError, Geometry};
+use crate::math::RoundCone;
 
 /// Numbers that fit: a leaf counts its blocks in 28 bits, nodes count their children in 30, a hit its number plus one in 32.
 const MOST: u64 = 1 << 27;
@@ -52,6 +53,7 @@ impl Aabb {
 pub(in crate::accel) enum Primitive {
     Sphere { center: Vec3, radius: f32 },
     Disc { center: Vec3, radius: f32, normal: Vec3 },
+    Curve { ends: [Vec3; 2], radius: [f32; 2] },
     Triangle([Vec3; 3]),
 }
 
@@ -73,6 +75,14 @@ impl Primitive {
                 let usable = radius > 0.0 && normal != Vec3::ZERO && normal.is_finite();
                 usable.then(|| Aabb::outward(center.as_dvec3() - reach, center.as_dvec3() + reach))?
             }
+            Self::Curve { ends, radius } => {
+                let [head, tail] = [0, 1].map(|end| {
+                    let (center, reach) = (ends[end].as_dvec3(), DVec3::splat(radius[end].into()));
+                    [center - reach, center + reach]
+                });
+                let usable = radius[0] >= 0.0 && radius[1] >= 0.0 && radius[0].max(radius[1]) > 0.0;
+                usable.then(|| Aabb::outward(head[0].min(tail[0]), head[1].max(tail[1])))?
+            }
             Self::Triangle(corners) => {
                 let [a, b, c] = corners.map(|corner| corner.as_dvec3());
                 let finite = corners.iter().all(|corner| corner.is_finite());
@@ -86,7 +96,7 @@ impl Primitive {
     pub(super) fn cut(&self, bounds: Aabb, cell: Aabb, pad: f64) -> Option<Aabb> {
         let within = match *self {
             Self::Sphere { center, radius } => sphere_in(center, radius, cell)?,
-            Self::Disc { .. } => cell,
+            Self::Disc { .. } | Self::Curve { .. } => cell,
             Self::Triangle(corners) => triangle_in(corners, cell, pad)?,
         };
         let within = within.intersection(bounds).intersection(cell);
@@ -99,6 +109,12 @@ impl Primitive {
             // From the centre rather than from the hit's place, which would lose its last bits far from zero.
             Self::Sphere { center, .. } => t * direction - (center - origin),
             Self::Disc { normal, .. } => normal,
+            Self::Curve { ends, radius } => {
+                let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
+                let cone = RoundCone::new(ends.map(|end| end.as_dvec3()), radius.map(f64::from));
+                let point = origin + f64::from(t) * direction;
+                (point - cone.ball_under(point).0).as_vec3()
+            }
             Self::Triangle([a, b, c]) => (b - a).cross(c - a),
         }
     }
@@ -178,6 +194,7 @@ impl Objects {
                 Geometry::Lanes(_) => return Err(AccelError::Surface { part: *part }),
                 Geometry::Spheres(spheres) => spheres.center.len(),
                 Geometry::Discs(discs) => discs.center.len(),
+                Geometry::Curves(curves) => curves.ends.len(),
                 Geometry::Triangles(mesh) => {
                     for &place in mesh.position.iter().filter(|place| place.is_finite()) {
                         reach = reach.union(Aabb { low: place, high: place });
@@ -229,6 +246,7 @@ impl Objects {
                 radius: discs.radius[index],
                 normal: discs.normal[index],
             },
+            Geometry::Curves(curves) => Primitive::Curve { ends: curves.ends[index], radius: curves.radius[index] },
             Geometry::Triangles(mesh) => {
                 Primitive::Triangle(mesh.index[index].map(|corner| mesh.position[corner as usize]))
             }
@@ -253,6 +271,12 @@ mod tests {
                     let along = random.vector(1.0).as_dvec3().cross(normal.as_dvec3()).normalize_or(DVec3::ZERO);
                     center.as_dvec3() + along * f64::from(radius)
                 }
+                Primitive::Curve { ends, radius } => {
+                    let s = f64::from(random.unit());
+                    let mix = |a: f32, b: f32| f64::from(a) + s * (f64::from(b) - f64::from(a));
+                    let center = ends[0].as_dvec3().lerp(ends[1].as_dvec3(), s);
+                    center + random.vector(1.0).as_dvec3().normalize_or(DVec3::X) * mix(radius[0], radius[1])
+                }
                 Primitive::Triangle(corners) => {
                     let [a, b, c] = corners.map(|corner| corner.as_dvec3());
                     let (u, v) = (f64::from(random.unit()), f64::from(random.unit()));
@@ -272,7 +296,7 @@ mod tests {
     #[test]
     fn boxes_and_cut_boxes_hold_their_primitive_and_cutting_pays() {
         let mut random = Random(5);
-        let (mut dropped, mut smaller, mut uncut) = ([0; 3], [0.0; 3], [0.0; 3]);
+        let (mut dropped, mut smaller, mut uncut) = ([0; 4], [0.0; 4], [0.0; 4]);
         for _ in 0..300 {
             let (center, radius) = (random.vector(100.0), 0.1 + random.unit());
             let normal = random.vector(1.0);
@@ -282,6 +306,7 @@ mod tests {
                 Primitive::Sphere { center, radius },
                 Primitive::Disc { center, radius, normal },
                 Primitive::Triangle(corners),
+                Primitive::Curve { ends: [center, center + random.vector(2.0)], radius: [radius, 0.3 * radius] },
             ];
             let (a, b) = (center + random.vector(1.5), center + random.vector(1.5));
             let cell = Aabb { low: a.min(b), high: a.max(b) };
@@ -317,6 +342,9 @@ mod tests {
             Primitive::Disc { center, radius: 1.0, normal: Vec3::ZERO },
             Primitive::Disc { center, radius: 1.0, normal: Vec3::NAN },
             Primitive::Triangle([center, Vec3::NAN, center]),
+            Primitive::Curve { ends: [center, Vec3::NAN], radius: [1.0; 2] },
+            Primitive::Curve { ends: [center; 2], radius: [0.0; 2] },
+            Primitive::Curve { ends: [center; 2], radius: [1.0, -1.0] },
         ] {
             assert_eq!(primitive.bounds(0.0), None, "{primitive:?}");
         }

@@ -60,6 +60,7 @@ fn awkward_rays(tree: &Bsp, seed: u64) -> RayBatch {
             origin = match tree.objects.get(number) {
                 primitive::Primitive::Sphere { center, .. } => center,
                 primitive::Primitive::Disc { center, normal, .. } => center + 0.5 * normal,
+                primitive::Primitive::Curve { ends, .. } => ends[0],
                 primitive::Primitive::Triangle(corners) => corners[0] + random.vector(0.5),
             };
         }
@@ -361,7 +362,7 @@ fn what_is_no_ray_hits_nothing_and_ends_are_inclusive() {
 #[test]
 fn surfaces_are_refused_and_stats_are_filled_in() {
     let error = Bsp::new(random_scene(1), Plan::new(ObjectsAccel::Bsp, None, None)).unwrap_err().to_string();
-    assert_eq!(error, "part 3 is a surface, expected spheres, discs or triangles");
+    assert_eq!(error, "part 3 is a surface, expected spheres, discs, curves or triangles");
     for kind in KINDS {
         let stats = planted(kind, &objects(1)).stats();
         assert_eq!(stats.name, kind.name());

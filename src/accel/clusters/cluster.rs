@@ -1,4 +1,4 @@
-//! Up to sixteen spheres or discs, one array per field, and the test of rays against them.
+//! Up to sixteen spheres, discs or curves, one array per field, and the test of rays against them.
 //!
 //! The test is one expression for both ways of asking: one ray against particles in lanes, or one particle against rays in
 //! lanes. So both find the same bits. Hits follow Embree's conventions, as everywhere ([`super::super::HitBatch`]).
@@ -27,14 +27,18 @@ pub(super) trait Cluster: Copy + Send + Sync + 'static {
     fn hits<S: Simd>(&self, s: S, from: usize, ray: &Rays<S>) -> (S::M, S::F);
     /// The rays' hits on one particle: which, and where.
     fn hits_on<S: Simd>(&self, s: S, slot: usize, rays: &Rays<S>) -> (S::M, S::F);
-    /// Centres.
+    /// Centres of balls around the particles.
     fn center(&self) -> &[[f32; WIDTH]; 3];
-    /// Radii.
+    /// Radii of these balls.
     fn radius(&self) -> &[f32; WIDTH];
     /// A particle's number in the scene's arrays.
     fn number(&self, slot: usize) -> u32;
     /// Geometric normal at a hit, not normalised.
     fn normal(&self, slot: usize, origin: Vec3, direction: Vec3, t: f32) -> Vec3;
+    /// First surface coordinate of a hit.
+    fn along(&self, _slot: usize, _origin: Vec3, _direction: Vec3, _t: f32) -> f32 {
+        0.0
+    }
 }
 
 /// Spheres.
@@ -57,12 +61,12 @@ pub(super) struct DiscCluster {
 }
 
 #[inline(always)]
-fn dot<S: Simd>(s: S, a: [S::F; 3], b: [S::F; 3]) -> S::F {
+pub(super) fn dot<S: Simd>(s: S, a: [S::F; 3], b: [S::F; 3]) -> S::F {
     s.fma(a[0], b[0], s.fma(a[1], b[1], a[2] * b[2]))
 }
 
 #[inline(always)]
-fn less<S: Simd>(a: [S::F; 3], b: [S::F; 3]) -> [S::F; 3] {
+pub(super) fn less<S: Simd>(a: [S::F; 3], b: [S::F; 3]) -> [S::F; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 

@@ -1,4 +1,4 @@
-//! Spheres and discs in groups of up to sixteen neighbours, tested at once, under a tree whose nodes have sixteen children.
+//! Spheres, discs and round curves in groups of up to sixteen neighbours, tested at once, under a tree whose nodes have sixteen children.
 //!
 //! A cloud of particles answers packets of rays as a surface does, so that it stands in Embree's scene as one primitive.
 //! `build` groups the particles, `cluster` tests a group, `ray` prepares a packet, `walk` takes it through the tree: rays
@@ -7,6 +7,7 @@
 
 mod build;
 mod cluster;
+mod curve;
 mod ray;
 #[cfg(test)]
 mod tests;
@@ -18,9 +19,10 @@ use glam::Vec3;
 
 use self::build::Record;
 use self::cluster::{Cluster, DiscCluster, SphereCluster};
+use self::curve::CurveCluster;
 use self::walk::{Found, Walk};
 use super::bsp::primitive::{Aabb, Primitive};
-use crate::lower::{Discs, Spheres};
+use crate::lower::{Curves, Discs, Spheres};
 use crate::simd::{SimdLevel, dispatch};
 use crate::surface::{LANES, LaneHits, LaneRays, LaneSurface, SolveCounts};
 
@@ -72,6 +74,24 @@ pub(super) fn of_discs(discs: &Discs, simd: SimdLevel) -> Arc<dyn LaneSurface> {
         cluster
     };
     Arc::new(Cloud::new(&discs.center, &discs.radius, &group, &bounds, simd))
+}
+
+/// Groups round curves, as [`of_spheres`].
+pub(super) fn of_curves(curves: &Curves, simd: SimdLevel) -> Arc<dyn LaneSurface> {
+    let bounds = |record: &Record| {
+        let index = record.number as usize;
+        Primitive::Curve { ends: curves.ends[index], radius: curves.radius[index] }.bounds(0.0)
+    };
+    let group = |records: &[Record]| {
+        let mut cluster = CurveCluster::EMPTY;
+        for (slot, record) in records.iter().enumerate() {
+            cluster.put(slot, record, curves);
+        }
+        cluster
+    };
+    let (center, reach): (Vec<_>, Vec<_>) =
+        (0..curves.ends.len()).map(|index| curve::ball_around(curves, index)).unzip();
+    Arc::new(Cloud::new(&center, &reach, &group, &bounds, simd))
 }
 
 /// Particles of one kind and the tree over them.
@@ -126,7 +146,8 @@ impl<C: Cluster> LaneSurface for Cloud<C> {
             let normal = cluster.normal(slot, vector(&rays.origin), vector(&rays.direction), t);
             hits.t[lane] = t;
             hits.primitive[lane] = cluster.number(slot);
-            (hits.u[lane], hits.v[lane]) = (0.0, 0.0);
+            hits.u[lane] = cluster.along(slot, vector(&rays.origin), vector(&rays.direction), t);
+            hits.v[lane] = 0.0;
             for axis in 0..3 {
                 hits.normal[axis][lane] = normal[axis];
             }

@@ -27,7 +27,7 @@ fn particles(count: usize, seed: u64) -> (Spheres, Discs) {
     (spheres, discs)
 }
 
-/// Both kinds as clouds and as geometry, on every instruction set.
+/// All kinds as clouds and as geometry, on every instruction set.
 fn clouds(count: usize, seed: u64) -> Vec<(String, Arc<dyn LaneSurface>, Geometry)> {
     let (spheres, discs) = particles(count, seed);
     let (spheres, discs) = (Arc::new(spheres), Arc::new(discs));
@@ -35,6 +35,11 @@ fn clouds(count: usize, seed: u64) -> Vec<(String, Arc<dyn LaneSurface>, Geometr
     for level in SimdLevel::ALL.into_iter().filter(|level| level.is_available()) {
         let name = |kind| format!("{kind}, {}", level.name());
         clouds.push((name("spheres"), of_spheres(&spheres, level), Geometry::Spheres(Arc::clone(&spheres))));
+        let curves = Arc::new(Curves {
+            ends: spheres.center.iter().zip(&discs.normal).map(|(&head, &way)| [head, head + 0.5 * way]).collect(),
+            radius: spheres.radius.iter().map(|&radius| [0.5 * radius, 0.1 * radius]).collect(),
+        });
+        clouds.push((name("curves"), of_curves(&curves, level), Geometry::Curves(curves)));
         clouds.push((name("discs"), of_discs(&discs, level), Geometry::Discs(Arc::clone(&discs))));
     }
     clouds

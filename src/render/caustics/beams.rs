@@ -55,6 +55,8 @@ pub struct BeamSun<'a> {
     pub attenuation: Vec3,
     /// Reflectance of the surface by the cosine of incidence.
     pub reflectance: &'a (dyn Fn(f32) -> f32 + Sync),
+    /// Share of its light that the air lets through to a point of the surface (m).
+    pub clear: &'a (dyn Fn(Vec3) -> f32 + Sync),
 }
 
 /// A corner of beams: where its light lands, and how much there is per horizontal area of the surface.
@@ -233,7 +235,7 @@ fn line(
     let mut corners = vec![None; places.len()];
     for (k, (index, position, flux)) in owners.into_iter().enumerate() {
         let Some((landing, false)) = below[k] else { continue };
-        let lit = if above[k].is_none() { 1.0 } else { 0.0 };
+        let lit = if above[k].is_none() { f64::from((sun.clear)(position)) } else { 0.0 };
         let path = (landing - position).length();
         let left = (-sun.attenuation * path).exp().as_dvec3();
         corners[index] = Some(Corner { landing, flux: lit * flux * left });
@@ -269,11 +271,11 @@ fn follow(
             let (origin, direction) = rays[ray];
             let place = origin + hits.t[k] * direction;
             match lowered.parts[hits.part[k] as usize].material {
-                Material::Spray => {
+                Material::Spray { .. } => {
                     rays[ray].0 = place + ULPS * place.abs().max_element() * direction;
                     next.push(ray);
                 }
-                Material::Water => ends[ray] = Some((place, true)),
+                Material::Water | Material::Sheet => ends[ray] = Some((place, true)),
                 _ => ends[ray] = Some((place, false)),
             }
         }

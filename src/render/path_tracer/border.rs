@@ -79,6 +79,7 @@ impl World<'_> {
                     guide: if both { guide } else { guide / (1.0 - reflectance) },
                     layer: Some(refraction_layer),
                     in_water: !from_water,
+                    within: arrival.beyond(),
                     notes_path: carrier.primary && !from_water,
                     path: state(density, through_covered),
                     ..child
@@ -130,10 +131,10 @@ impl World<'_> {
         let light = carrier.throughput * self.sun.irradiance * (evaluation.value * factor * radiance * asked);
         let link = Link {
             light: self.clamped(&carrier.path, light, scratch),
-            place: carrier.place,
             layer: carrier.layer.unwrap_or(layer),
             group: SUN,
-            ..Link::new(carrier.distance)
+            in_water: false,
+            ..Link::new(carrier)
         };
         self.push_link(contact.leave(to_sun), to_sun, f32::INFINITY, link, scratch);
     }

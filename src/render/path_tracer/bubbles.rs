@@ -19,10 +19,16 @@ use crate::{
 pub(super) const PHASE: Phase = Phase::HenyeyGreenstein { g: 0.85 };
 
 /// Uniform numbers without an end, for walks of unknown length.
-struct Numbers(u64);
+pub(super) struct Numbers(u64);
 
 impl Numbers {
-    fn next(&mut self) -> f32 {
+    /// Those that belong to two numbers and a salt.
+    pub(super) fn new(seed: [f32; 2], salt: u32) -> Self {
+        let [a, b] = seed.map(f32::to_bits);
+        Self(scramble(u64::from(a) << 32 | u64::from(b)).wrapping_add(u64::from(salt)))
+    }
+
+    pub(super) fn next(&mut self) -> f32 {
         self.0 = self.0.wrapping_add(STEP);
         // 24 bits fill single precision's 0..1 evenly.
         (scramble(self.0) >> 40) as f32 * (1.0 / 16_777_216.0)
@@ -32,8 +38,8 @@ impl Numbers {
 impl World<'_> {
     /// Numbers of their own for a carrier's walk; `salt` keeps the walks of one event apart.
     fn walk_numbers(&self, carrier: &Carrier, salt: u32, scratch: &Scratch) -> Numbers {
-        let [a, b, ..] = self.numbers(carrier, Purpose::Cover, scratch).map(f32::to_bits);
-        Numbers(scramble(u64::from(a) << 32 | u64::from(b)).wrapping_add(u64::from(salt)))
+        let [a, b, ..] = self.numbers(carrier, Purpose::Cover, scratch);
+        Numbers::new([a, b], salt)
     }
 
     /// Extinction of bubbles (1/m) and albedo at a point in the water.

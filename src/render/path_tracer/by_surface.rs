@@ -140,7 +140,7 @@ impl World<'_> {
                 light *= 1.0 - foam.cover;
             }
             let light = self.clamped(&carrier.path, light, scratch);
-            let link = Link { light, place: carrier.place, layer, group, ..Link::new(carrier.distance) };
+            let link = Link { light, layer, group, ..Link::new(carrier) };
             self.push_connection(position, connection, link, tolerance, scratch);
         }
         scratch.connections = found;

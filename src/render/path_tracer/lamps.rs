@@ -52,8 +52,7 @@ impl World<'_> {
                 * self.past_bubbles(carrier, asker.position, aim.direction, aim.reach, 1, scratch);
         }
         let light = self.clamped(&carrier.path, light, scratch);
-        let link =
-            Link { light, place: carrier.place, layer: asker.layer, group: lamp.group, ..Link::new(carrier.distance) };
+        let link = Link { light, layer: asker.layer, group: lamp.group, ..Link::new(carrier) };
         self.push_link(asker.leave(aim.direction), aim.direction, aim.reach, link, scratch);
     }
 

@@ -1,12 +1,12 @@
 //! Links: the ways from a path's events to lights, traced with the wave, each adding its light if nothing stops it.
 //!
-//! Ground, objects and water stop a link, spray lets 1 - opacity of it through. A link by way of the water's surface is
+//! Ground, objects and water stop a link, spray lets 1 - opacity of it through, mist its transmittance. A link by way of the water's surface is
 //! two legs: to the surface, and on from there to the light.
 
 use glam::Vec3;
 
 use super::super::{
-    batches::Scratch,
+    batches::{Carrier, Scratch},
     contact::Contact,
     film::{Layer, Place},
     world::World,
@@ -33,6 +33,10 @@ pub(in crate::render) struct Link {
     pub(super) group: u16,
     /// Metres from the eye to where it started.
     pub(super) distance: f32,
+    /// The event that it started from, whose numbers are its own as well.
+    pub(super) event: u16,
+    /// Its leg under way is in water.
+    pub(super) in_water: bool,
     /// Where it goes on after its first leg: origin, direction, reach.
     pub(super) then: Option<(Vec3, Vec3, f32)>,
     pub(super) crossed: u16,
@@ -40,13 +44,16 @@ pub(in crate::render) struct Link {
 }
 
 impl Link {
-    pub(super) fn new(distance: f32) -> Self {
+    /// One from a carrier's event, without light so far.
+    pub(super) fn new(carrier: &Carrier) -> Self {
         Self {
             light: Vec3::ZERO,
-            place: Place::default(),
+            place: carrier.place,
             layer: Layer::Terrain,
             group: 0,
-            distance,
+            distance: carrier.distance,
+            event: carrier.path.event,
+            in_water: carrier.in_water,
             then: None,
             crossed: 0,
             share: 1.0,
@@ -93,7 +100,7 @@ impl World<'_> {
                 self.accelerator.closest(&scratch.links.rays, &mut scratch.hits, &mut scratch.solve);
                 for index in 0..scratch.links.loads.len() {
                     if scratch.hits.part[index] == NO_PART {
-                        self.leg_done(scratch.links.loads[index], scratch);
+                        self.leg_done(index, scratch);
                     } else {
                         self.meet_on_link(index, scratch);
                     }
@@ -102,7 +109,7 @@ impl World<'_> {
                 self.accelerator.occluded(&scratch.links.rays, &mut scratch.occluded, &mut scratch.solve);
                 for index in 0..scratch.links.loads.len() {
                     if !scratch.occluded[index] {
-                        self.leg_done(scratch.links.loads[index], scratch);
+                        self.leg_done(index, scratch);
                     }
                 }
             }
@@ -110,12 +117,16 @@ impl World<'_> {
         }
     }
 
-    fn leg_done(&self, mut link: Link, scratch: &mut Scratch) {
+    /// A leg that nothing stands in the way of but what is left of mist.
+    fn leg_done(&self, index: usize, scratch: &mut Scratch) {
+        let mut link = scratch.links.loads[index];
+        link.share *= self.past_mist(&link, index, scratch.links.rays.tfar[index], scratch);
         match link.then.take() {
             Some((origin, direction, reach)) => {
                 let tolerance = self.secondary_tolerance_at(link.distance);
                 scratch.next_links.rays.push(origin, direction, 0.0, reach, tolerance);
-                scratch.next_links.loads.push(link);
+                // The light that is sought by way of the surface is in the air.
+                scratch.next_links.loads.push(Link { in_water: false, ..link });
             }
             None => scratch.film.add(link.place, link.layer, link.group, link.light * link.share),
         }
@@ -124,7 +135,7 @@ impl World<'_> {
     /// Spray thins a link, all else ends it.
     fn meet_on_link(&self, index: usize, scratch: &mut Scratch) {
         let part = &self.lowered.parts[scratch.hits.part[index] as usize];
-        let Material::Spray = part.material else { return };
+        let Material::Spray { first } = part.material else { return };
         let mut link = scratch.links.loads[index];
         let (origin, direction) = (scratch.links.rays.origin(index), scratch.links.rays.direction(index));
         let (t, reach) = (scratch.hits.t[index], scratch.links.rays.tfar[index]);
@@ -134,8 +145,9 @@ impl World<'_> {
         let contact = Contact::new(part, primitive, place, origin, direction, t, given);
         // A ball is met twice, on the way in and on the way out, and counts once.
         if direction.dot(contact.normal) <= 0.0 || matches!(part.shape, Shape::Discs(_)) {
-            link.share *= 1.0 - self.matter.spray(primitive).opacity;
+            link.share *= 1.0 - self.matter.spray(first + primitive).opacity;
         }
+        link.share *= self.past_mist(&link, index, t, scratch);
         link.crossed += 1;
         if link.share < LEAST_SHARE || link.crossed > CROSSINGS {
             return;

@@ -62,6 +62,7 @@ impl World<'_> {
             albedo: foam.albedo,
             normal: side * contact.shading,
             facing: Some(side * contact.normal),
+            line: None,
             sky_view: 1.0,
             opacity: 1.0,
             velocity: Vec3::ZERO,
@@ -92,9 +93,18 @@ impl World<'_> {
             self.ask_above(arrival, matte, &carrier, layer, scratch)
         };
 
-        let (local, density) = cosine_hemisphere([u, v]);
-        let (across, along) = matte.normal.any_orthonormal_pair();
-        let direction = (local.x * across + local.z * along + local.y * matte.normal).normalize();
+        let (local, mut density) = cosine_hemisphere([u, v]);
+        let mut normal = matte.normal;
+        if let Some(line) = &matte.line {
+            // No streak is foam, whose numbers these are.
+            let [choice, turn, ..] = self.numbers(&carrier, Purpose::Cover, scratch);
+            normal = line.turned(normal, [choice, turn]);
+        }
+        let (across, along) = normal.any_orthonormal_pair();
+        let direction = (local.x * across + local.z * along + local.y * normal).normalize();
+        if matte.line.is_some() {
+            density = matte.cosine(direction) * FRAC_1_PI;
+        }
         if matte.facing.is_some_and(|facing| facing.dot(direction) <= 0.0) {
             return;
         }
@@ -129,7 +139,7 @@ impl World<'_> {
                 let value = cosine * FRAC_1_PI;
                 let light = carrier.throughput * radiance * (value / density * share(density, value));
                 let light = self.clamped(&carrier.path, light, scratch);
-                let link = Link { light, place: carrier.place, layer, group, ..Link::new(carrier.distance) };
+                let link = Link { light, layer, group, ..Link::new(carrier) };
                 self.push_link(contact.leave(direction), direction, f32::INFINITY, link, scratch);
             }
         };

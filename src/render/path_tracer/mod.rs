@@ -4,8 +4,8 @@
 //! contribution by the balance heuristic (E. Veach and L. Guibas, Optimally combining sampling techniques, 1995). Sun and
 //! lamps that reach a diffuse thing or a point in the water by way of the water's surface are found by `caustics`; those
 //! rays that would find them by chance leave them alone then. `wave` traces; what a hit adds is in `border` (the water's
-//! surface), `matte` (everything diffuse) and `murk` (the water itself); `links` are the ways to lights, `by_surface` those
-//! that the water's surface bends.
+//! surface), `matte` (everything diffuse), `murk` (the water itself) and `mist` (the air's); `links` are the ways to lights,
+//! `by_surface` those that the water's surface bends.
 
 mod border;
 mod bubbles;
@@ -13,6 +13,7 @@ mod by_surface;
 mod lamps;
 mod links;
 mod matte;
+mod mist;
 mod murk;
 
 use glam::Vec3;
@@ -24,7 +25,7 @@ use links::Link;
 
 use super::{
     batches::{Asked, Carrier, PathState, Scratch},
-    film::Layer,
+    film::{Layer, Place},
     sampler::Sampler,
     wave::Arrival,
     world::{Lamp, SKY, SUN, World},
@@ -74,10 +75,12 @@ enum Purpose {
     Murk,
     /// Foam or water.
     Cover,
+    /// How far to go in mist.
+    Mist,
 }
 
 /// Sets of numbers that an event has.
-const PURPOSES: u32 = 6;
+const PURPOSES: u32 = 7;
 
 /// Share of a way's contribution that one of two ways of finding it may claim (the balance heuristic).
 #[inline]
@@ -89,8 +92,14 @@ impl World<'_> {
     /// Four random numbers of a carrier's next event.
     #[inline]
     fn numbers(&self, carrier: &Carrier, purpose: Purpose, scratch: &Scratch) -> [f32; 4] {
-        let sample = scratch.samples[carrier.place.path as usize];
-        Sampler::numbers(sample.run, sample.sample, 1 + PURPOSES * u32::from(carrier.path.event) + purpose as u32)
+        self.numbers_of(carrier.place, carrier.path.event, purpose, scratch)
+    }
+
+    /// Those of an event of a camera's sample.
+    #[inline]
+    fn numbers_of(&self, place: Place, event: u16, purpose: Purpose, scratch: &Scratch) -> [f32; 4] {
+        let sample = scratch.samples[place.path as usize];
+        Sampler::numbers(sample.run, sample.sample, 1 + PURPOSES * u32::from(event) + purpose as u32)
     }
 
     /// Adds light to a carrier's sample, cut by `render.clamp` where that applies.
@@ -119,7 +128,7 @@ impl World<'_> {
     pub(super) fn path_escape(&self, mut carrier: Carrier, origin: Vec3, direction: Vec3, scratch: &mut Scratch) {
         let lamp = self.lamp_on_the_way(origin, direction, f32::INFINITY);
         let reach = lamp.map_or(f32::INFINITY, |(_, t)| t);
-        if carrier.in_water && !self.pass_water(&mut carrier, origin, direction, reach, scratch) {
+        if !self.pass(&mut carrier, origin, direction, reach, scratch) {
             return;
         }
         if let Some((lamp, _)) = lamp {
@@ -144,6 +153,16 @@ impl World<'_> {
         }
     }
 
+    /// Takes a path through `reach` metres of water or air. False if it was scattered on the way: it goes on from there by
+    /// itself.
+    fn pass(&self, carrier: &mut Carrier, origin: Vec3, direction: Vec3, reach: f32, scratch: &mut Scratch) -> bool {
+        if carrier.in_water {
+            self.pass_water(carrier, origin, direction, reach, scratch)
+        } else {
+            self.pass_mist(carrier, origin, direction, reach, scratch)
+        }
+    }
+
     /// Density (1/sr) with which events ask for the sky in a direction.
     fn sky_density(&self, direction: Vec3) -> f32 {
         self.sky_sampler.map_or(0.0, |sampler| sampler.pdf(direction))
@@ -154,10 +173,10 @@ impl World<'_> {
         self.note_arrival(&mut arrival, scratch);
         let Arrival { carrier, origin, direction, t, part, .. } = &mut arrival;
         let (origin, direction, t) = (*origin, *direction, *t);
-        let water = matches!(part.material, Material::Water);
+        let water = matches!(part.material, Material::Water | Material::Sheet);
         let lamp = self.lamp_on_the_way(origin, direction, t);
         let reach = lamp.map_or(t, |(_, t)| t);
-        if carrier.in_water && !self.pass_water(carrier, origin, direction, reach, scratch) {
+        if !self.pass(carrier, origin, direction, reach, scratch) {
             return;
         }
         if let Some((lamp, _)) = lamp {
@@ -165,7 +184,9 @@ impl World<'_> {
             return;
         }
         carrier.distance += t;
-        if water {
+        if arrival.is_inner() {
+            self.pass_inner(&arrival, scratch);
+        } else if water {
             if arrival.carrier.primary {
                 self.offer_water(&arrival, scratch);
             }

@@ -169,7 +169,10 @@ fn sunlit_card_in_shade_and_out_of_it() {
     let ambient = 0.5 * 0.3;
     close(value(Some(part("rock", Material::Diffuse(Vec3::ONE), ball(4.0 * towards, 0.5)))), ambient);
     // One droplet takes its opacity once, though the ray meets it on the way in and on the way out.
-    close(value(Some(part("spray", Material::Spray, ball(4.0 * towards, 0.5)))), ambient + (open - ambient) * 0.6);
+    close(
+        value(Some(part("spray", Material::Spray { first: 0 }, ball(4.0 * towards, 0.5)))),
+        ambient + (open - ambient) * 0.6,
+    );
     // A slab of water across the beam costs two crossings and its absorption.
     let slab = mesh(cuboid(Vec3::new(1.0, -50.0, -60.0), Vec3::new(1.5, 80.0, 60.0)));
     let crossing = 1.0 - fresnel::reflectance_exact(towards.x, 1.0, 1.333);
@@ -275,5 +278,41 @@ fn foam_is_a_diffuse_share_of_the_water_and_leaves_the_rest_as_it_was() {
         }
         assert_all(&with, "mask.foam", cover, 1e-6);
         assert!(samples(&without, "mask.foam").iter().chain(samples(&without, "foam.G")).all(|&value| value == 0.0));
+    }
+}
+
+#[test]
+fn water_inside_of_water_has_no_border() {
+    use crate::scene::Integrator;
+    // Straight down through the middle of a box, and through the same box made of two that overlap by half a metre.
+    let whole = [(Material::Water, [-1.0, 0.2])];
+    let overlapping = [(Material::Water, [-1.0, 0.0]), (Material::Sheet, [-0.5, 0.2])];
+    let drop = [(Material::Sheet, [-1.0, 0.2])];
+    for (integrator, room) in [(Integrator::Whitted, 1e-5), (Integrator::Path, 4e-3)] {
+        let look = |boxes: &[(Material, [f32; 2])]| {
+            let mut scene = uniform(0.6, 16);
+            scene.camera.fov = 2.0;
+            scene.render.integrator = integrator;
+            scene.render.samples = 64;
+            scene.water.roughness = 0.0;
+            scene.water.absorption = [0.4, 0.2, 0.1];
+            let parts = boxes.iter().enumerate().map(|(index, (material, [low, high]))| {
+                let half = 0.8 + 0.1 * index as f32;
+                let mesh = mesh(cuboid(Vec3::new(-half, *low, -half), Vec3::new(half, *high, half)));
+                part(["water", "sheet"][index], material.clone(), mesh)
+            });
+            let setup = Setup::new(scene, parts.collect(), [0.05, 6.0, 0.02], [0.0; 3]);
+            let (picture, stats) = setup.render();
+            (["R", "G", "B"].map(|name| mean(&picture, name)), stats)
+        };
+        let (expected, _) = look(&whole);
+        assert!(expected[0] < 0.5 && expected[0] > 0.2, "{expected:?}");
+        for boxes in [&overlapping[..], &drop[..]] {
+            let (seen, stats) = look(boxes);
+            assert_eq!(stats.nonfinite, 0);
+            for channel in 0..3 {
+                assert!((seen[channel] / expected[channel] - 1.0).abs() < room, "{integrator:?} {seen:?} {expected:?}");
+            }
+        }
     }
 }

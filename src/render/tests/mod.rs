@@ -1,9 +1,11 @@
 //! Whole pictures of small scenes whose light is known, and the scenes themselves.
 
 mod analytic;
+mod mist;
 mod paths;
 mod promises;
 mod sampling;
+mod streaks;
 
 use std::{path::Path, sync::Arc, sync::atomic::AtomicBool};
 
@@ -14,6 +16,7 @@ use crate::{
     accel::{self, Accelerator},
     foam::FoamLook,
     lower::{Lowered, Material, Part, Shape, Spheres, Triangles},
+    mist::Mist,
     optics::Sky,
     output::Picture,
     scene::{Accel, ObjectsAccel, Scene, SkyKind, SolverKind, WaterAccel},
@@ -28,12 +31,13 @@ pub(super) struct Flat {
     pub(super) albedo: Vec3,
     pub(super) spray: SprayLook,
     pub(super) foam: Option<FoamLook>,
+    pub(super) mist: Option<Mist>,
 }
 
 impl Default for Flat {
     fn default() -> Self {
         let spray = SprayLook { albedo: Vec3::splat(0.8), opacity: 0.7, velocity: Vec3::new(3.0, 1.0, 0.5) };
-        Self { water: None, bed: None, albedo: Vec3::splat(0.5), spray, foam: None }
+        Self { water: None, bed: None, albedo: Vec3::splat(0.5), spray, foam: None, mist: None }
     }
 }
 
@@ -52,6 +56,9 @@ impl Matter for Flat {
     }
     fn foam(&self, _position: Vec3, _footprint: f32) -> Option<FoamLook> {
         self.foam
+    }
+    fn mist(&self) -> Option<&Mist> {
+        self.mist.as_ref()
     }
 }
 

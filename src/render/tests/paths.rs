@@ -255,7 +255,11 @@ fn a_hundred_random_scenes_have_no_pixel_that_is_not_light() {
         let parts = vec![
             part("water", Material::Water, Shape::Surface(Arc::clone(&water))),
             part("terrain", Material::Ground, mesh(level(pick(15, &[0.0, -1.0, -1e-6]) as f32, 40.0))),
-            part("spray", Material::Spray, ball(Vec3::new(0.0, 0.1, 0.0), pick(16, &[1e-6, 0.1, 2.0]) as f32)),
+            part(
+                "spray",
+                Material::Spray { first: 0 },
+                ball(Vec3::new(0.0, 0.1, 0.0), pick(16, &[1e-6, 0.1, 2.0]) as f32),
+            ),
         ];
         let mut setup = Setup::new(scene, parts, [0.5, pick(17, &[-0.5, 0.02, 3.0]), 1.0], [0.0; 3]);
         setup.matter = Flat { water: Some(0.0), bed: Some(-1.0), albedo: Vec3::splat(0.9), ..Flat::default() };

@@ -9,7 +9,7 @@ use super::*;
 use crate::output::Window;
 
 /// Some of everything, 80 by 70 pixels, 5 samples, sun and a lamp.
-fn everything() -> Setup {
+pub(super) fn everything() -> Setup {
     let mut scene = Scene::default();
     scene.render.width = 80;
     scene.render.height = 70;
@@ -25,18 +25,19 @@ fn everything() -> Setup {
     let parts = vec![
         part("water", Material::Water, mesh(wavy)),
         part("terrain", Material::Ground, mesh(level(-0.7, 6.0))),
-        part("spray", Material::Spray, Shape::Spheres(Arc::new(droplets))),
+        part("spray", Material::Spray { first: 0 }, Shape::Spheres(Arc::new(droplets))),
         part("sphere_0", Material::Diffuse(Vec3::new(0.7, 0.3, 0.2)), ball(Vec3::new(-0.6, 0.1, -0.7), 0.5)),
     ];
     let mut setup = Setup::new(scene, parts, [2.6, 1.4, 2.2], [0.0, 0.1, 0.0]);
-    setup.matter = Flat { water: Some(0.0), bed: Some(-0.7), ..Flat::default() };
+    let mist = super::mist::cloud(&[[0.9, 0.5, 0.8], [1.1, 0.7, 0.2], [-0.4, 0.2, 1.2]], 2e-3, 0.4);
+    setup.matter = Flat { water: Some(0.0), bed: Some(-0.7), mist: Some(mist), ..Flat::default() };
     setup
 }
 
 #[test]
 fn layers_add_up_to_the_beauty_and_all_are_used() {
     let (picture, stats) = everything().render();
-    let layers = ["reflection", "refraction", "caustics", "spray", "terrain", "sky"];
+    let layers = ["reflection", "refraction", "caustics", "spray", "mist", "terrain", "sky"];
     let groups = ["light_sun", "light_sky", "light_lamps"];
     for channel in ["R", "G", "B"] {
         for (index, &beauty) in samples(&picture, channel).iter().enumerate() {
@@ -177,7 +178,7 @@ fn more_samples_than_a_chunk_and_hundreds_of_coincident_droplets_end() {
     let mut scene = uniform(1.0, 1);
     scene.render.samples = 20_000;
     let droplets = Spheres { center: vec![Vec3::ZERO; 300], radius: vec![0.2; 300] };
-    let parts = vec![part("spray", Material::Spray, Shape::Spheres(Arc::new(droplets)))];
+    let parts = vec![part("spray", Material::Spray { first: 0 }, Shape::Spheres(Arc::new(droplets)))];
     let mut setup = Setup::new(scene, parts, [0.0, 0.0, 2.0], [0.0; 3]);
     setup.matter.spray = SprayLook { albedo: Vec3::ONE, opacity: 1e-4, velocity: Vec3::ZERO };
     let (picture, _) = setup.render();

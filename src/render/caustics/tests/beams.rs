@@ -46,6 +46,7 @@ fn map(water: SplineSurface, sun: Vec3, resolution: u32, things: Vec<Shape>) -> 
         ior: WATER,
         attenuation: Vec3::ZERO,
         reflectance: &reflectance,
+        clear: &|_| 1.0,
     };
     BeamMap::build(&water, &lowered, &*accelerator, &sun, resolution).unwrap()
 }
@@ -144,6 +145,7 @@ fn no_beams_and_too_many_are_refused() {
         ior: WATER,
         attenuation: Vec3::ZERO,
         reflectance: &|_| 0.0,
+        clear: &|_| 1.0,
     };
     for resolution in [0, 1 << 20] {
         let error = BeamMap::build(&water, &lowered, &*accelerator, &sun, resolution).unwrap_err();

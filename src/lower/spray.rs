@@ -1,0 +1,220 @@
+//! Particles → parts: what each class of spray is drawn as.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+
+use super::{Curves, Discs, LowerError, Material, Shape, Spheres, Triangles};
+use crate::mist::{Mist, MistSettings};
+use crate::particles::{self, Class, Judged, Spray};
+use crate::scene::{DropMatter, ParticleRepresentation, Scene};
+use crate::state::Frame;
+use crate::surface::SplineSurface;
+
+/// Metres that a place lies under the water's surface; negative above it and where there is none.
+fn depth(water: Option<&SplineSurface>, place: Vec3) -> f32 {
+    let level = water.and_then(|water| water.height(place.x, place.z));
+    level.map_or(f32::NEG_INFINITY, |level| level - place.y)
+}
+
+/// The particles that are drawn, sorted by class where the scene leaves the choice to them, and the mist that the others
+/// are.
+pub(super) fn gather(
+    scene: &Scene,
+    frame: &Frame,
+    origin: DVec3,
+    water: Option<&SplineSurface>,
+) -> Result<(Spray, Option<Arc<Mist>>), LowerError> {
+    let settings = &scene.particles;
+    let mut cloud = MistSettings::from_scene(settings);
+    match settings.representation {
+        ParticleRepresentation::None => return Ok((Spray::default(), None)),
+        ParticleRepresentation::Mist => {
+            let particles = &frame.particles;
+            let fine: Vec<f64> = particles.mass.iter().map(|mass| mass * settings.mist_share).collect();
+            let mist = Mist::build(&particles.position, &fine, &cloud, origin)?;
+            return Ok((Spray::default(), Some(Arc::new(mist))));
+        }
+        _ => {}
+    }
+    let spray = Spray::build(&frame.particles, settings, origin);
+    if settings.representation != ParticleRepresentation::Auto {
+        return Ok((spray, None));
+    }
+    let exposure = (scene.camera.shutter / scene.frames.fps) as f32;
+    let judged = Judged { position: &spray.position, velocity: &spray.velocity, radius: &spray.radius, exposure };
+    let shares = particles::shares(&judged, &settings.classes, |place| depth(water, place));
+    // What is too small to be told apart stops as much light as its own drops would: water in finer ones counts for more.
+    let (mut place, mut mass) = (Vec::new(), Vec::new());
+    for (index, shares) in shares.iter().enumerate() {
+        let (share, radius) = (f64::from(shares[Class::Mist as usize]), f64::from(spray.radius[index]));
+        if share > 0.0 {
+            place.push((origin + spray.position[index].as_dvec3()).to_array());
+            mass.push(share * particles::mass(radius) * (settings.droplet_radius / radius));
+        }
+    }
+    // Radii have the scene's scale already.
+    cloud.scale = 1.0;
+    let mist = if place.is_empty() { None } else { Some(Arc::new(Mist::build(&place, &mass, &cloud, origin)?)) };
+    Ok((spray.sorted(&shares), mist))
+}
+
+/// Time (s) that a streak shows.
+///
+/// Motion blur looks at moments of the exposure, each for its own samples: each shows its own part, and together they
+/// show the way of the whole exposure once. Without, 1/50 s: what a camera at 25 frames a second with a half-open shutter
+/// takes.
+fn streak_seconds(scene: &Scene) -> f64 {
+    let camera = &scene.camera;
+    let blurred = camera.motion_steps > 1 && camera.shutter > 0.0;
+    let moment = || camera.shutter / scene.frames.fps / f64::from(camera.motion_steps);
+    scene.particles.streak.unwrap_or_else(|| if blurred { moment() } else { 1.0 / 50.0 })
+}
+
+/// The parts of a spray, each by its class's name. It is seen from an eye (local frame, m) with pixels of so many radians;
+/// what is drawn wider than it is becomes as much less opaque.
+pub(super) fn parts(
+    scene: &Scene,
+    spray: &mut Spray,
+    eye: Option<(DVec3, f64)>,
+    water: Option<&SplineSurface>,
+    add: &mut impl FnMut(&str, Material, Shape),
+) -> Result<(), LowerError> {
+    let settings = &scene.particles;
+    let drawn_as = |class: Class| match (settings.representation, class) {
+        (ParticleRepresentation::Auto, Class::Streak) => ParticleRepresentation::Streamlines,
+        (ParticleRepresentation::Auto, _) => ParticleRepresentation::Spheres,
+        (one, _) => one,
+    };
+    let mut class_part = |class: Class, spray: &mut Spray| {
+        let range = spray.of(class);
+        if range.is_empty() {
+            return;
+        }
+        if drawn_as(class) == ParticleRepresentation::Streamlines {
+            let streaks = particles::streaks(&spray.part(range.clone()), settings, streak_seconds(scene), eye);
+            spray.set_shares(range.start, &streaks.share);
+            spray.out_of_range += streaks.out_of_range;
+            let curves = Curves { ends: streaks.ends, radius: streaks.radius };
+            let material = Material::Spray { first: range.start as u32 };
+            return add(Class::Streak.name(), material, Shape::Curves(Arc::new(curves)));
+        }
+        // Air in water stays bright: a bubble is no drop.
+        let water = settings.matter == DropMatter::Water && class != Class::Bubble;
+        let spray_material = Material::Spray { first: range.start as u32 };
+        let (center, radius) = (spray.position[range.clone()].to_vec(), spray.radius[range.clone()].to_vec());
+        let (material, shape) = match (drawn_as(class), eye) {
+            (ParticleRepresentation::Billboards, Some((eye, _))) => {
+                let normal = particles::facing(&spray.part(range), eye.as_vec3()).normal;
+                (spray_material, Shape::Discs(Arc::new(Discs { center, radius, normal })))
+            }
+            _ => {
+                let material = if water { Material::Sheet } else { spray_material };
+                (material, Shape::Spheres(Arc::new(Spheres { center, radius })))
+            }
+        };
+        add(class.name(), material, shape);
+    };
+    let all_joined = settings.representation == ParticleRepresentation::Surface;
+    let joined = if all_joined { 0..spray.len() } else { spray.of(Class::Sheet) };
+    if !all_joined {
+        for class in [Class::Drop, Class::Streak, Class::Bubble] {
+            class_part(class, spray);
+        }
+    }
+    // What is under water is water already.
+    let drops: Vec<usize> = joined.filter(|&index| depth(water, spray.position[index]) <= 0.0).collect();
+    if !drops.is_empty() {
+        let position: Vec<Vec3> = drops.iter().map(|&index| spray.position[index]).collect();
+        let radius: Vec<f32> = drops.iter().map(|&index| spray.radius[index]).collect();
+        let sheet = particles::sheet(&position, particles::mean_radius(&radius), &scene.particles.sheet)?;
+        let particles::Sheet { position, normal, index } = sheet;
+        let triangles = Triangles { position, normal, index };
+        add(Class::Sheet.name(), Material::Sheet, Shape::Triangles(Arc::new(triangles)));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lower::{Environment, lower};
+    use crate::simd::SimdLevel;
+    use crate::state::{Columns, Particles};
+
+    /// Level water a metre deep, with one particle of every kind: a drop, a streak, mist, a bubble, and a crowd.
+    fn frame() -> Frame {
+        let (nx, nz) = (8, 8);
+        let columns = Columns {
+            origin: [0.0; 2],
+            width: [0.5; 2],
+            nx,
+            nz,
+            base: vec![0.0; nx * nz],
+            top: vec![1.0; nx * nz],
+            pressure: vec![0.0; nx * nz],
+            flow: vec![[0.0; 2]; nx * nz],
+        };
+        let drop = |radius: f64| 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3) * 1000.0;
+        let mut particles = Particles {
+            position: vec![[1.0, 3.0, 1.0], [2.0, 3.0, 1.0], [1.0, 3.0, 2.0], [2.0, 0.5, 2.0]],
+            velocity: vec![[0.0; 3], [6.0, 0.0, 0.0], [0.0; 3], [0.0; 3]],
+            mass: vec![drop(0.01), drop(0.01), drop(0.0002), drop(0.01)],
+            age: vec![0.0; 4],
+            id: None,
+        };
+        for k in 0..512 {
+            let place = [k % 8, k / 8 % 8, k / 64].map(|step| 2.5 + 0.016 * f64::from(step));
+            particles.position.push(place);
+            particles.velocity.push([0.0; 3]);
+            particles.mass.push(drop(0.01));
+            particles.age.push(0.0);
+        }
+        Frame { columns, particles, ..Frame::default() }
+    }
+
+    fn parts_of(representation: ParticleRepresentation, matter: DropMatter) -> Vec<(String, Material, usize)> {
+        let mut scene = Scene::default();
+        (scene.particles.representation, scene.particles.matter) = (representation, matter);
+        let lowered = lower(&scene, &frame(), &Environment::default(), None, SimdLevel::Portable).unwrap();
+        let spray = lowered
+            .lowered
+            .parts
+            .into_iter()
+            .filter(|part| matches!(part.material, Material::Spray { .. } | Material::Sheet));
+        spray
+            .map(|part| {
+                let count = match &part.shape {
+                    Shape::Spheres(spheres) => spheres.center.len(),
+                    Shape::Triangles(mesh) => mesh.index.len(),
+                    Shape::Curves(curves) => curves.ends.len(),
+                    _ => 0,
+                };
+                (part.name, part.material, count)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn every_class_is_a_part_of_its_own_name() {
+        let parts = parts_of(ParticleRepresentation::Auto, DropMatter::Diffuse);
+        let names: Vec<&str> = parts.iter().map(|(name, ..)| name.as_str()).collect();
+        assert_eq!(names, ["spray", "streaks", "bubbles", "sheet"]);
+        let mut first = 0;
+        for (name, material, count) in &parts[..3] {
+            let Material::Spray { first: begins } = *material else { panic!("{name}") };
+            assert!(begins >= first && *count > 0, "{name}");
+            first = begins + *count as u32;
+        }
+        // The crowd's edge is on its way between drops and sheet, its middle is all sheet.
+        assert!(parts[0].2 < 500 && parts[3].2 > 100, "{parts:?}");
+    }
+
+    #[test]
+    fn drops_may_be_of_water_and_all_may_be_joined() {
+        let water = parts_of(ParticleRepresentation::Spheres, DropMatter::Water);
+        assert!(matches!(&water[..], [(name, Material::Sheet, 516)] if name == "spray"), "{water:?}");
+        let joined = parts_of(ParticleRepresentation::Surface, DropMatter::Diffuse);
+        assert!(matches!(&joined[..], [(name, Material::Sheet, 1000..)] if name == "sheet"), "{joined:?}");
+    }
+}

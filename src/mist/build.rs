@@ -1,0 +1,190 @@
+//! Particles → bricks: each brick gathers what lies in it and next to it, in one fixed order, so that the grid has the same
+//! bits at any count of threads.
+
+use glam::{DVec3, IVec3};
+use rayon::prelude::*;
+
+use super::{
+    BUDGET, DENSEST, Mist, MistError, MistSettings,
+    bricks::{BRICK_BYTES, Bricks, CORNERS, SIDE, VALUES},
+    kernel::{PER_DEVIATION, Shares, corners, cross_section},
+};
+
+/// Voxels from the scene's origin within which particles are taken: sums of two such places are whole numbers still.
+const FARTHEST: f64 = (1u32 << 30) as f64;
+
+/// A particle on the grid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Cloud {
+    /// The brick that it lies in, z first: the order of the bricks.
+    home: [i32; 3],
+    /// Its place in the file, which breaks ties.
+    number: u32,
+    /// Place (voxels).
+    place: DVec3,
+    /// Extinction of a voxel that had all of it (1/m).
+    amount: f64,
+}
+
+impl Mist {
+    /// The mist of particles at `position` (m, in the files' frame) of `mass` kg each, around `origin`.
+    ///
+    /// # Errors
+    /// [`MistError::TooLarge`], [`MistError::TooDense`].
+    pub fn build(
+        position: &[[f64; 3]],
+        mass: &[f64],
+        settings: &MistSettings,
+        origin: DVec3,
+    ) -> Result<Self, MistError> {
+        Self::build_within(position, mass, settings, origin, BUDGET)
+    }
+
+    /// As [`Mist::build`], within a budget in bytes.
+    ///
+    /// # Errors
+    /// As [`Mist::build`].
+    pub fn build_within(
+        position: &[[f64; 3]],
+        mass: &[f64],
+        settings: &MistSettings,
+        origin: DVec3,
+        budget: u64,
+    ) -> Result<Self, MistError> {
+        let voxel = settings.width / (2.0 * PER_DEVIATION);
+        let mut mist =
+            Self { voxel: voxel as f32, bricks: Bricks::default(), particles: 0, without_mass: 0, out_of_range: 0 };
+        let mut clouds = Vec::with_capacity(position.len());
+        for (number, (position, &mass)) in position.iter().zip(mass).enumerate() {
+            let mass = mass * settings.scale.powi(3);
+            let amount = cross_section(mass, settings.droplet_radius) / voxel.powi(3);
+            let place = (DVec3::from_array(*position) - origin) / voxel;
+            // A comparison that is false for what is no number.
+            if mass == 0.0 {
+                mist.without_mass += 1;
+            } else if !(place.abs().max_element() < FARTHEST && place.is_finite() && amount.is_finite() && amount > 0.0)
+            {
+                mist.out_of_range += 1;
+            } else {
+                let home = (place / f64::from(SIDE)).floor().as_ivec3();
+                clouds.push(Cloud { home: [home.z, home.y, home.x], number: number as u32, place, amount });
+            }
+        }
+        mist.particles = clouds.len() as u64;
+        clouds.par_sort_unstable_by_key(|cloud| (cloud.home, cloud.number));
+        // What lies in one place is one cloud: emitters may put thousands there.
+        clouds.dedup_by(|next, kept| {
+            let same = next.place == kept.place;
+            if same {
+                kept.amount += next.amount;
+            }
+            same
+        });
+        let groups: Vec<&[Cloud]> = clouds.chunk_by(|a, b| a.home == b.home).collect();
+        let most = budget / BRICK_BYTES;
+        let too_large = |bricks: usize| MistError::TooLarge {
+            particles: mist.particles,
+            bytes: bricks as u64 * BRICK_BYTES,
+            budget,
+            voxel,
+        };
+        // Each of these is a brick, so that not even the list of all bricks outgrows the budget.
+        if groups.len() as u64 > most {
+            return Err(too_large(groups.len()));
+        }
+        let bricks = touched(&groups);
+        if bricks.len() as u64 > most {
+            return Err(too_large(bricks.len()));
+        }
+        let mut values = vec![0.0f32; bricks.len() * VALUES];
+        let densest = values
+            .par_chunks_exact_mut(VALUES)
+            .zip(&bricks)
+            .map(|(values, &brick)| fill(values, brick, &groups))
+            .reduce(|| 0.0, f64::max);
+        // Sums that are no number any more are over any limit.
+        if !(densest <= DENSEST) {
+            return Err(MistError::TooDense { extinction: densest });
+        }
+        mist.bricks = Bricks::new(bricks.iter().map(|&[z, y, x]| IVec3::new(x, y, z)).collect(), values);
+        Ok(mist)
+    }
+}
+
+/// The bricks with a corner that any cloud reaches, in order.
+fn touched(groups: &[&[Cloud]]) -> Vec<[i32; 3]> {
+    let mut bricks: Vec<[i32; 3]> = groups
+        .par_iter()
+        .flat_map_iter(|group| {
+            let home = group[0].home;
+            let mut reached = [false; 27];
+            for cloud in *group {
+                // A corner on a brick's near side is on the far side of the one before it.
+                let around = |axis: usize, home: i32| {
+                    corners(cloud.place[axis]).map(|corner| corner - home * SIDE).map(|corner| [corner - 1, corner])
+                };
+                let [x, y, z] = [around(0, home[2]), around(1, home[1]), around(2, home[0])]
+                    .map(|[first, last]| first[0].div_euclid(SIDE)..=last[1].div_euclid(SIDE));
+                for (dz, dy, dx) in z
+                    .flat_map(|dz| y.clone().map(move |dy| (dz, dy)))
+                    .flat_map(|(dz, dy)| x.clone().map(move |dx| (dz, dy, dx)))
+                {
+                    reached[((dz + 1) * 9 + (dy + 1) * 3 + dx + 1) as usize] = true;
+                }
+            }
+            (0..27)
+                .filter(move |&index| reached[index as usize])
+                .map(move |index: i32| [home[0] + index / 9 - 1, home[1] + index / 3 % 3 - 1, home[2] + index % 3 - 1])
+        })
+        .collect();
+    bricks.par_sort_unstable();
+    bricks.dedup();
+    bricks
+}
+
+/// Fills one brick from the clouds in it and around it; its greatest value.
+fn fill(values: &mut [f32], brick: [i32; 3], groups: &[&[Cloud]]) -> f64 {
+    // Doubles: of a million clouds in one place each adds its share.
+    let mut sums = [0.0f64; VALUES];
+    for index in 0..27 {
+        let home = [brick[0] + index / 9 - 1, brick[1] + index / 3 % 3 - 1, brick[2] + index % 3 - 1];
+        let Ok(group) = groups.binary_search_by(|group| group[0].home.cmp(&home)) else { continue };
+        for cloud in groups[group] {
+            add(&mut sums, brick, cloud);
+        }
+    }
+    for (value, sum) in values.iter_mut().zip(sums) {
+        *value = sum as f32;
+    }
+    sums.into_iter().fold(0.0, |most, sum| if sum <= most { most } else { sum })
+}
+
+fn add(sums: &mut [f64; VALUES], brick: [i32; 3], cloud: &Cloud) {
+    // Corners of the brick that the cloud reaches, along each axis, with the cloud's first corner as seen from the brick's.
+    let first = [brick[2], brick[1], brick[0]].map(|place| place * SIDE);
+    let reached = |axis: usize| {
+        let [low, high] = corners(cloud.place[axis]).map(|corner| corner - first[axis]);
+        (low.max(0), high.min(CORNERS as i32 - 1))
+    };
+    let [x, y, z] = [reached(0), reached(1), reached(2)];
+    if x.0 > x.1 || y.0 > y.1 || z.0 > z.1 {
+        return;
+    }
+    let shares = [0, 1, 2].map(|axis| Shares::new(cloud.place[axis]));
+    let share = |axis: usize, corner: i32| shares[axis].share[(corner + first[axis] - shares[axis].first) as usize];
+    let mut along = [0.0; CORNERS];
+    for corner in x.0..=x.1 {
+        along[corner as usize] = share(0, corner);
+    }
+    let (start, end) = (x.0 as usize, x.1 as usize + 1);
+    for k in z.0..=z.1 {
+        let amount = cloud.amount * share(2, k);
+        for j in y.0..=y.1 {
+            let amount = amount * share(1, j);
+            let row = (k as usize * CORNERS + j as usize) * CORNERS;
+            for (sum, share) in sums[row + start..row + end].iter_mut().zip(&along[start..end]) {
+                *sum += amount * share;
+            }
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! `[particles.classes]` and `[particles.sheet]`: what spray is taken for and how it is joined, as plain data. Part of the
+//! list of keys in `types`.
+//!
+//! What the keys do is in the room `particles`.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// What drops are made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum DropMatter {
+    /// Bright and diffuse, by speed and age: each stands for many.
+    #[default]
+    Diffuse,
+    /// The water's own: each is a drop.
+    Water,
+}
+
+/// `[particles.classes]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Classes {
+    /// Radius (m) from which on a drop is seen as one; half as wide is mist.
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    pub mist_radius: f64,
+    /// How far a particle's neighbours may be, in radii of a drop of the mean volume.
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    pub reach: f64,
+    /// So many neighbours, and one that touches, make a sheet of water; half as many do not at all.
+    #[schemars(range(min = 1.0, max = 64.0))]
+    pub sheet_neighbours: f64,
+}
+impl Default for Classes {
+    fn default() -> Self {
+        Self { mist_radius: 0.0015, reach: 4.0, sheet_neighbours: 16.0 }
+    }
+}
+
+/// `[particles.sheet]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Sheet {
+    /// How far a particle reaches, in radii of a drop of the mean volume.
+    #[schemars(range(min = 1.0, max = 100.0))]
+    pub reach: f64,
+    /// Width of the grid that the surface is found on, in the same radii.
+    #[schemars(range(min = 0.05, max = 10.0))]
+    pub resolution: f64,
+    /// Share of water's density at which the surface lies.
+    #[schemars(range(min = 0.01, max = 1.0))]
+    pub threshold: f64,
+    /// Times that the surface is smoothed: each vertex goes to the middle of its neighbours.
+    #[schemars(range(min = 0, max = 1000))]
+    pub smoothing: u32,
+}
+impl Default for Sheet {
+    fn default() -> Self {
+        Self { reach: 4.0, resolution: 1.0, threshold: 0.6, smoothing: 5 }
+    }
+}
