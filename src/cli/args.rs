@@ -289,6 +289,9 @@ pub struct InspectArgs {
     /// A column with less water than this is dry (m)
     #[arg(long, value_name = "M", default_value_t = Surface::default().dry_threshold, value_parser = metres)]
     pub dry_threshold: f64,
+    /// Say how many particles are drops, streaks, mist, sheets of water and bubbles (particles.representation = "auto")
+    #[arg(long)]
+    pub classes: bool,
 }
 
 /// `whitewater convert`.

@@ -7,6 +7,10 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use crate::lower::{self, LowerError};
+use crate::particles::Class;
+use crate::scene::Scene;
+use crate::simd::SimdLevel;
 use crate::state::summary::{Extent, FrameSummary, ModelSummary, Range};
 use crate::state::{self, Encoding, FileKind, StateError};
 
@@ -31,9 +35,9 @@ pub enum InspectError {
 ///
 /// # Errors
 /// After all files were tried, if any could not be read. A reader that has gone (`inspect … | head`) is no error.
-pub fn run(paths: &[PathBuf], dry_threshold: f64, json: bool) -> Result<(), InspectError> {
+pub fn run(paths: &[PathBuf], dry_threshold: f64, json: bool, classes: bool) -> Result<(), InspectError> {
     let mut out = BufWriter::new(io::stdout().lock());
-    match inspect(paths, dry_threshold, json, &mut out, &mut io::stderr().lock()) {
+    match inspect(paths, dry_threshold, json, classes, &mut out, &mut io::stderr().lock()) {
         Err(InspectError::Output(error)) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         result => result,
     }
@@ -43,6 +47,7 @@ fn inspect(
     paths: &[PathBuf],
     dry_threshold: f64,
     as_json: bool,
+    classes: bool,
     out: &mut impl Write,
     complaints: &mut impl Write,
 ) -> Result<(), InspectError> {
@@ -53,7 +58,7 @@ fn inspect(
         table.head(out)?;
     }
     for (i, path) in paths.iter().enumerate() {
-        match look(path, dry_threshold) {
+        match look(path, dry_threshold, classes) {
             Ok(content) if as_json => list.push(content.json(path)),
             Ok(content) if let Some(table) = &table => table.row(path, &content, out)?,
             Ok(content) => {
@@ -146,7 +151,7 @@ impl<'a> Table<'a> {
                 let (panels, spheres, meshes) = (model.panels, model.spheres, model.meshes.len());
                 writeln!(out, "   model: {panels} panels, {spheres} spheres, {meshes} meshes")
             }
-            Content::Frame(_, frame) => {
+            Content::Frame(_, frame, _) => {
                 let [nx, nz] = frame.columns;
                 let short = |value: f64| figure(four_digits(value));
                 let texts = [
@@ -176,25 +181,50 @@ fn four_digits(value: f64) -> f64 {
 
 /// What one file holds.
 enum Content {
-    Frame(Encoding, Box<FrameSummary>),
+    Frame(Encoding, Box<FrameSummary>, Option<[f64; 5]>),
     Model(ModelSummary),
 }
 
-fn look(path: &Path, dry_threshold: f64) -> Result<Content, StateError> {
+fn look(path: &Path, dry_threshold: f64, classes: bool) -> Result<Content, LookError> {
     Ok(match state::detect(path)? {
-        FileKind::Frame(encoding) => Content::Frame(encoding, Box::new(FrameSummary::of_file(path, dry_threshold)?)),
+        FileKind::Frame(encoding) => {
+            let summary = Box::new(FrameSummary::of_file(path, dry_threshold)?);
+            let counts = if classes { Some(count_classes(path, dry_threshold)?) } else { None };
+            Content::Frame(encoding, summary, counts)
+        }
         FileKind::Model => Content::Model(ModelSummary::new(&state::read_model(path)?)),
     })
+}
+
+/// As a scene of nothing but this frame would have them.
+fn count_classes(path: &Path, dry_threshold: f64) -> Result<[f64; 5], LookError> {
+    let mut scene = Scene::default();
+    scene.surface.dry_threshold = dry_threshold;
+    let frame = state::read_frame(path, dry_threshold)?;
+    lower::class_counts(&scene, &frame, SimdLevel::detect())
+        .map_err(|error| LookError::Classes { path: path.to_path_buf(), error: Box::new(error) })
+}
+
+/// Why a file cannot be shown.
+#[derive(Debug, thiserror::Error)]
+enum LookError {
+    #[error(transparent)]
+    State(#[from] StateError),
+    #[error("{}: --classes: {error}", path.display())]
+    Classes { path: PathBuf, error: Box<LowerError> },
 }
 
 impl Content {
     fn json(&self, path: &Path) -> Value {
         match self {
-            Content::Frame(Encoding::Text, frame) => {
-                json!({ "path": path, "kind": "frame", "encoding": "text", "frame": frame })
-            }
-            Content::Frame(Encoding::Npz, frame) => {
-                json!({ "path": path, "kind": "frame", "encoding": "npz", "frame": frame })
+            Content::Frame(encoding, frame, counts) => {
+                let encoding = if *encoding == Encoding::Text { "text" } else { "npz" };
+                let mut value = json!({ "path": path, "kind": "frame", "encoding": encoding, "frame": frame });
+                if let Some(counts) = counts {
+                    let named = Class::ALL.iter().zip(counts).map(|(class, &count)| (class.name(), count));
+                    value["classes"] = named.collect();
+                }
+                value
             }
             Content::Model(model) => json!({ "path": path, "kind": "model", "model": model }),
         }
@@ -203,7 +233,13 @@ impl Content {
     /// Labels and what stands after them.
     fn lines(&self) -> Vec<(&'static str, String)> {
         match self {
-            Content::Frame(encoding, frame) => frame_lines(*encoding, frame),
+            Content::Frame(encoding, frame, counts) => {
+                let mut lines = frame_lines(*encoding, frame);
+                for (class, &count) in Class::ALL.iter().zip(counts.iter().flatten()) {
+                    lines.push((class.name(), format!("{} of the particles", figure(count))));
+                }
+                lines
+            }
             Content::Model(model) => model_lines(model),
         }
     }
@@ -310,8 +346,26 @@ mod tests {
             std::fs::write(path, content).unwrap();
         }
         let (mut out, mut complaints) = (Vec::new(), Vec::new());
-        let result = inspect(&paths, 0.001, json, &mut out, &mut complaints);
+        let result = inspect(&paths, 0.001, json, false, &mut out, &mut complaints);
         (String::from_utf8(out).unwrap(), String::from_utf8(complaints).unwrap(), result)
+    }
+
+    #[test]
+    fn classes_are_counted_on_request() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("time000.state");
+        std::fs::write(&path, FRAME).unwrap();
+        let text = |json: bool| {
+            let mut out = Vec::new();
+            inspect(std::slice::from_ref(&path), 0.001, json, true, &mut out, &mut Vec::new()).unwrap();
+            String::from_utf8(out).unwrap()
+        };
+        let value: Value = serde_json::from_str(&text(true)).unwrap();
+        let counts = value[0]["classes"].as_object().unwrap();
+        assert_eq!(counts.keys().map(String::as_str).collect::<Vec<_>>(), Class::ALL.map(Class::name));
+        // The one particle, of however many classes.
+        assert!((counts.values().filter_map(Value::as_f64).sum::<f64>() - 1.0).abs() < 1e-6, "{value}");
+        assert!(text(false).contains("of the particles"), "{}", text(false));
     }
 
     #[test]
@@ -378,7 +432,7 @@ mod tests {
         let maps: [(&str, &[f32]); 3] = [("vorticity", &map), ("aeration", &[0.25; 9]), ("murk", &map)];
         state::save_frame_with(&frame, &maps, &path, Encoding::Npz, state::Packing::Quick).unwrap();
         let mut out = Vec::new();
-        inspect(std::slice::from_ref(&path), 0.001, false, &mut out, &mut Vec::new()).unwrap();
+        inspect(std::slice::from_ref(&path), 0.001, false, false, &mut out, &mut Vec::new()).unwrap();
         let out = String::from_utf8(out).unwrap();
         for line in [
             "  vorticity       -4 to 4 1/s (curl of the flow about the vertical)",
@@ -388,7 +442,7 @@ mod tests {
             assert!(out.lines().any(|shown| shown == line), "{line}\n{out}");
         }
         let mut out = Vec::new();
-        inspect(&[path], 0.001, true, &mut out, &mut Vec::new()).unwrap();
+        inspect(&[path], 0.001, true, false, &mut out, &mut Vec::new()).unwrap();
         let json: Value = serde_json::from_slice(&out).unwrap();
         assert_eq!(json[0]["frame"]["maps"][0]["unit"], "1/s");
         assert_eq!(json[0]["frame"]["maps"][0]["range"]["max"], 4.0);

@@ -61,7 +61,8 @@ fn dispatch(command: &Command) -> Result<Outcome, CliError> {
         Command::Schema => schema::run(),
         Command::Bench(arguments) => bench::run(arguments),
         Command::Inspect(arguments) => {
-            inspect::run(&arguments.files, arguments.dry_threshold, arguments.json).map_err(anyhow::Error::from)?;
+            inspect::run(&arguments.files, arguments.dry_threshold, arguments.json, arguments.classes)
+                .map_err(anyhow::Error::from)?;
             Ok(Outcome::Done)
         }
         Command::Convert(arguments) => convert_frame(arguments),

@@ -7,6 +7,8 @@ pub use frame::{
     Environment, LowerError, LoweredFrame, TERRAIN_SIDES, View, lower, lower_around, points_to_frame, scene_origin,
 };
 
+pub use spray::class_counts;
+
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};

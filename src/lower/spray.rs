@@ -4,17 +4,43 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
-use super::{Curves, Discs, LowerError, Material, Shape, Spheres, Triangles};
+use super::{Curves, Discs, LowerError, Material, Shape, Spheres, Triangles, scene_origin};
 use crate::mist::{Mist, MistSettings};
-use crate::particles::{self, Class, Judged, Spray};
+use crate::particles::{self, Class, Judged, Shares, Spray};
 use crate::scene::{DropMatter, ParticleRepresentation, Scene};
+use crate::simd::SimdLevel;
 use crate::state::Frame;
-use crate::surface::SplineSurface;
+use crate::surface::{SplineSurface, control};
 
 /// Metres that a place lies under the water's surface; negative above it and where there is none.
 fn depth(water: Option<&SplineSurface>, place: Vec3) -> f32 {
     let level = water.and_then(|water| water.height(place.x, place.z));
     level.map_or(f32::NEG_INFINITY, |level| level - place.y)
+}
+
+/// What each particle is.
+fn judged(scene: &Scene, spray: &Spray, water: Option<&SplineSurface>) -> Vec<Shares> {
+    let exposure = (scene.camera.shutter / scene.frames.fps) as f32;
+    let judged = Judged { position: &spray.position, velocity: &spray.velocity, radius: &spray.radius, exposure };
+    particles::shares(&judged, &scene.particles.classes, |place| depth(water, place))
+}
+
+/// How many particles of a frame are of each class, in the order of [`Class::ALL`]; who is of several counts in parts.
+///
+/// # Errors
+/// The water cannot be a spline.
+pub fn class_counts(scene: &Scene, frame: &Frame, simd: SimdLevel) -> Result<[f64; 5], LowerError> {
+    let origin = scene_origin(&frame.columns);
+    let lattice = control::water(&frame.columns, &scene.surface, origin.to_array())?;
+    let water = lattice.map(|lattice| SplineSurface::new(lattice, scene.surface.solver, simd));
+    let spray = Spray::build(&frame.particles, &scene.particles, origin);
+    let mut counts = [0.0; 5];
+    for shares in judged(scene, &spray, water.as_ref()) {
+        for (count, share) in counts.iter_mut().zip(shares) {
+            *count += f64::from(share);
+        }
+    }
+    Ok(counts)
 }
 
 /// The particles that are drawn, sorted by class where the scene leaves the choice to them, and the mist that the others
@@ -41,9 +67,7 @@ pub(super) fn gather(
     if settings.representation != ParticleRepresentation::Auto {
         return Ok((spray, None));
     }
-    let exposure = (scene.camera.shutter / scene.frames.fps) as f32;
-    let judged = Judged { position: &spray.position, velocity: &spray.velocity, radius: &spray.radius, exposure };
-    let shares = particles::shares(&judged, &settings.classes, |place| depth(water, place));
+    let shares = judged(scene, &spray, water);
     // What is too small to be told apart stops as much light as its own drops would: water in finer ones counts for more.
     let (mut place, mut mass) = (Vec::new(), Vec::new());
     for (index, shares) in shares.iter().enumerate() {
@@ -139,7 +163,6 @@ pub(super) fn parts(
 mod tests {
     use super::*;
     use crate::lower::{Environment, lower};
-    use crate::simd::SimdLevel;
     use crate::state::{Columns, Particles};
 
     /// Level water a metre deep, with one particle of every kind: a drop, a streak, mist, a bubble, and a crowd.
@@ -208,6 +231,17 @@ mod tests {
         }
         // The crowd's edge is on its way between drops and sheet, its middle is all sheet.
         assert!(parts[0].2 < 500 && parts[3].2 > 100, "{parts:?}");
+    }
+
+    #[test]
+    fn the_count_of_classes_adds_up_to_the_particles() {
+        let counts = class_counts(&Scene::default(), &frame(), SimdLevel::Portable).unwrap();
+        assert!((counts.iter().sum::<f64>() - 516.0).abs() < 1e-3, "{counts:?}");
+        // One of each that stands alone, besides the crowd's own.
+        for class in [Class::Streak, Class::Mist, Class::Bubble] {
+            assert!((counts[class as usize] - 1.0).abs() < 1e-3, "{counts:?}");
+        }
+        assert!(counts[Class::Sheet as usize] > 100.0);
     }
 
     #[test]
