@@ -7,6 +7,7 @@
 use std::ffi::OsString;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 /// A library by the places that may hold it.
 #[derive(Clone, Copy, Debug)]
@@ -45,11 +46,40 @@ impl Search {
     }
 }
 
+/// A library's functions and where they came from.
+#[derive(Debug)]
+pub(super) struct Library<F> {
+    pub(super) functions: F,
+    pub(super) path: PathBuf,
+}
+
+/// A library of the process: loaded at the first call and never unloaded, since its worker threads may outlive any device.
+#[derive(Debug)]
+pub(super) struct Loaded<F: 'static>(Mutex<Option<&'static Library<F>>>);
+
+impl<F> Loaded<F> {
+    pub(super) const fn new() -> Self {
+        Self(Mutex::new(None))
+    }
+
+    /// The library; `load` is asked until it has succeeded once.
+    pub(super) fn get<E>(&self, load: impl FnOnce() -> Result<Library<F>, E>) -> Result<&'static Library<F>, E> {
+        let mut loaded = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(library) = *loaded {
+            return Ok(library);
+        }
+        let library: &'static Library<F> = Box::leak(Box::new(load()?));
+        tracing::debug!(library = %library.path.display(), "loaded");
+        *loaded = Some(library);
+        Ok(library)
+    }
+}
+
 /// The first place whose library opens; or each place with the reason why it did not serve.
 pub(super) fn first<T>(
     places: &[PathBuf],
     open: impl Fn(&Path) -> Result<T, libloading::Error>,
-) -> Result<(T, PathBuf), Vec<(PathBuf, String)>> {
+) -> Result<Library<T>, Vec<(PathBuf, String)>> {
     let mut tried = Vec::new();
     for path in places {
         let bare = path.components().count() == 1;
@@ -58,7 +88,7 @@ pub(super) fn first<T>(
             continue;
         }
         match open(path) {
-            Ok(library) => return Ok((library, path.clone())),
+            Ok(functions) => return Ok(Library { functions, path: path.clone() }),
             Err(error) => tried.push((path.clone(), full_reason(&error))),
         }
     }
@@ -104,5 +134,14 @@ mod tests {
         assert_eq!(places[1], Path::new("/current/third_party/foo/lib/libfoo.so.4"));
         assert_eq!(places[2], Path::new(env!("CARGO_MANIFEST_DIR")).join("third_party/foo/lib/libfoo.so.4"));
         assert_eq!(places[3], Path::new("libfoo.so.4"));
+    }
+
+    #[test]
+    fn a_library_is_loaded_once_and_asked_for_again_after_a_failure() {
+        static LOADED: Loaded<u32> = Loaded::new();
+        let library = |functions| Ok::<_, String>(Library { functions, path: PathBuf::from("libfoo.so.4") });
+        assert_eq!(LOADED.get(|| Err("not there".to_owned())).unwrap_err(), "not there");
+        assert_eq!(LOADED.get(|| library(1)).unwrap().functions, 1);
+        assert_eq!(LOADED.get(|| library(2)).unwrap().functions, 1);
     }
 }

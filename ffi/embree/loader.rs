@@ -1,11 +1,10 @@
 //! Finds `libembree4` and loads it once per process. Where it looks is in [`crate::ffi::search`].
 
 use std::path::PathBuf;
-use std::sync::Mutex;
 
 use super::EmbreeError;
 use super::bindings::Embree;
-use crate::ffi::search::{self, Search};
+use crate::ffi::search::{self, Loaded, Search};
 
 /// Its name carries the interface's version.
 const SEARCH: Search = Search {
@@ -20,12 +19,8 @@ const SEARCH: Search = Search {
     },
 };
 
-/// Embree's functions and where they came from.
-#[derive(Debug)]
-pub(super) struct Library {
-    pub(super) functions: Embree,
-    pub(super) path: PathBuf,
-}
+/// The functions and where they came from.
+pub(super) type Library = search::Library<Embree>;
 
 // bindgen's table of functions is `Send + Sync` by its parts (function pointers and a library handle) but not `Debug`.
 impl std::fmt::Debug for Embree {
@@ -34,24 +29,16 @@ impl std::fmt::Debug for Embree {
     }
 }
 
-/// The library, loaded at the first call and never unloaded: its worker threads may outlive any device.
+/// The library, loaded at the first call.
 pub(super) fn library() -> Result<&'static Library, EmbreeError> {
-    static LOADED: Mutex<Option<&'static Library>> = Mutex::new(None);
-    let mut loaded = LOADED.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    if let Some(library) = *loaded {
-        return Ok(library);
-    }
-    let library: &'static Library = Box::leak(Box::new(load(&SEARCH.places())?));
-    tracing::debug!(library = %library.path.display(), "Embree loaded");
-    *loaded = Some(library);
-    Ok(library)
+    static LOADED: Loaded<Embree> = Loaded::new();
+    LOADED.get(|| load(&SEARCH.places()))
 }
 
 fn load(places: &[PathBuf]) -> Result<Library, EmbreeError> {
     // SAFETY: we promise that a library of this name runs nothing harmful when it is loaded, and that its functions have
     // the signatures of the headers; the device checks its version before anything else is called.
-    let opened = search::first(places, |path| unsafe { Embree::new(path) });
-    opened.map(|(functions, path)| Library { functions, path }).map_err(|tried| EmbreeError::NotFound { tried })
+    search::first(places, |path| unsafe { Embree::new(path) }).map_err(|tried| EmbreeError::NotFound { tried })
 }
 
 #[cfg(test)]

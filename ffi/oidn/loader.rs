@@ -1,11 +1,10 @@
 //! Finds `libOpenImageDenoise` and loads it once per process. Where it looks is in [`crate::ffi::search`].
 
 use std::path::PathBuf;
-use std::sync::Mutex;
 
 use super::OidnError;
 use super::bindings::Oidn;
-use crate::ffi::search::{self, Search};
+use crate::ffi::search::{self, Loaded, Search};
 
 /// Its name carries the interface's version.
 const SEARCH: Search = Search {
@@ -21,30 +20,18 @@ const SEARCH: Search = Search {
 };
 
 /// The functions and where they came from.
-#[derive(Debug)]
-pub(super) struct Library {
-    pub(super) functions: Oidn,
-    pub(super) path: PathBuf,
-}
+pub(super) type Library = search::Library<Oidn>;
 
-/// The library, loaded at the first call and never unloaded: its worker threads may outlive any device.
+/// The library, loaded at the first call.
 pub(super) fn library() -> Result<&'static Library, OidnError> {
-    static LOADED: Mutex<Option<&'static Library>> = Mutex::new(None);
-    let mut loaded = LOADED.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    if let Some(library) = *loaded {
-        return Ok(library);
-    }
-    let library: &'static Library = Box::leak(Box::new(load(&SEARCH.places())?));
-    tracing::debug!(library = %library.path.display(), "Open Image Denoise loaded");
-    *loaded = Some(library);
-    Ok(library)
+    static LOADED: Loaded<Oidn> = Loaded::new();
+    LOADED.get(|| load(&SEARCH.places()))
 }
 
 fn load(places: &[PathBuf]) -> Result<Library, OidnError> {
     // SAFETY: we promise that a library of this name runs nothing harmful when it is loaded, and that its functions have
     // the signatures of the manual; the device checks its version before anything is filtered.
-    let opened = search::first(places, |path| unsafe { Oidn::new(path) });
-    opened.map(|(functions, path)| Library { functions, path }).map_err(|tried| OidnError::NotFound { tried })
+    search::first(places, |path| unsafe { Oidn::new(path) }).map_err(|tried| OidnError::NotFound { tried })
 }
 
 #[cfg(test)]

@@ -20,8 +20,9 @@ fn depth(water: Option<&SplineSurface>, place: Vec3) -> f32 {
 
 /// What each particle is.
 fn judged(scene: &Scene, spray: &Spray, water: Option<&SplineSurface>) -> Vec<Shares> {
-    let exposure = (scene.camera.shutter / scene.frames.fps) as f32;
-    let judged = Judged { position: &spray.position, velocity: &spray.velocity, radius: &spray.radius, exposure };
+    let [whole, _] = streak_seconds(scene);
+    let judged =
+        Judged { position: &spray.position, velocity: &spray.velocity, radius: &spray.radius, exposure: whole as f32 };
     particles::shares(&judged, &scene.particles.classes, |place| depth(water, place))
 }
 
@@ -83,16 +84,19 @@ pub(super) fn gather(
     Ok((spray.sorted(&shares), mist))
 }
 
-/// Time (s) that a streak shows.
+/// Time (s) of flight that a streak shows in the whole picture, and at one moment of it.
 ///
 /// Motion blur looks at moments of the exposure, each for its own samples: each shows its own part, and together they
 /// show the way of the whole exposure once. Without, 1/50 s: what a camera at 25 frames a second with a half-open shutter
-/// takes.
-fn streak_seconds(scene: &Scene) -> f64 {
+/// takes. A time that the scene gives is every moment's.
+fn streak_seconds(scene: &Scene) -> [f64; 2] {
     let camera = &scene.camera;
-    let blurred = camera.motion_steps > 1 && camera.shutter > 0.0;
-    let moment = || camera.shutter / scene.frames.fps / f64::from(camera.motion_steps);
-    scene.particles.streak.unwrap_or_else(|| if blurred { moment() } else { 1.0 / 50.0 })
+    let open = camera.shutter / scene.frames.fps;
+    match scene.particles.streak {
+        Some(seconds) => [seconds; 2],
+        None if camera.motion_steps > 1 && open > 0.0 => [open, open / f64::from(camera.motion_steps)],
+        None => [1.0 / 50.0; 2],
+    }
 }
 
 /// The parts of a spray, each by its class's name. It is seen from an eye (local frame, m) with pixels of so many radians;
@@ -116,7 +120,8 @@ pub(super) fn parts(
             return;
         }
         if drawn_as(class) == ParticleRepresentation::Streamlines {
-            let streaks = particles::streaks(&spray.part(range.clone()), settings, streak_seconds(scene), eye);
+            let [_, seconds] = streak_seconds(scene);
+            let streaks = particles::streaks(&spray.part(range.clone()), settings, seconds, eye);
             spray.set_shares(range.start, &streaks.share);
             spray.out_of_range += streaks.out_of_range;
             let curves = Curves { ends: streaks.ends, radius: streaks.radius };

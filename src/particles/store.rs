@@ -61,15 +61,20 @@ impl Spray {
     }
 
     /// Sorts the particles by class. One that belongs to several stands in each, as opaque as its share there; in sheets from
-    /// one half on.
+    /// one half on. Mist is no particle any more.
     pub fn sorted(&self, shares: &[Shares]) -> Self {
         let mut sorted = Self { without_size: self.without_size, out_of_range: self.out_of_range, ..Self::default() };
         for class in Class::ALL {
             sorted.first[class as usize] = sorted.len();
             for (index, shares) in shares.iter().enumerate() {
                 let share = shares[class as usize];
-                // There are no halves of a surface; what a particle is besides still fades.
-                if share > 0.0 && (class != Class::Sheet || share >= 0.5) {
+                let stands = match class {
+                    Class::Mist => false,
+                    // There are no halves of a surface; what a particle is besides still fades.
+                    Class::Sheet => share >= 0.5,
+                    Class::Drop | Class::Streak | Class::Bubble => share > 0.0,
+                };
+                if stands {
                     let [r, g, b, opacity] = self.look[index];
                     sorted.position.push(self.position[index]);
                     sorted.velocity.push(self.velocity[index]);
@@ -98,14 +103,14 @@ impl Spray {
     /// Some of the particles, as drops.
     pub fn part(&self, range: std::ops::Range<usize>) -> Self {
         let share = if self.share.is_empty() { Vec::new() } else { self.share[range.clone()].to_vec() };
-        let (none, end) = (0, range.len());
+        let end = range.len();
         Self {
             position: self.position[range.clone()].to_vec(),
             velocity: self.velocity[range.clone()].to_vec(),
             radius: self.radius[range.clone()].to_vec(),
             look: self.look[range].to_vec(),
             share,
-            first: [none, end, end, end, end, end],
+            first: [0, end, end, end, end, end],
             ..Self::default()
         }
     }
@@ -172,9 +177,10 @@ mod tests {
         particles.mass[1] = 0.25;
         let spray = Spray::build(&particles, &scene::Particles::default(), DVec3::new(500_000.0, 10.0, 4_000_000.0));
         assert_eq!((spray.of(Class::Drop), spray.of(Class::Bubble)), (0..3, 3..3));
-        let half = [0.25, 0.0, 0.75, 0.0, 0.0];
-        let sorted = spray.sorted(&[half, [0.0, 1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]]);
-        assert_eq!((sorted.of(Class::Drop), sorted.of(Class::Streak), sorted.of(Class::Mist)), (0..2, 2..3, 3..4));
+        let half = [0.25, 0.0, 0.0, 0.0, 0.75];
+        let sorted = spray.sorted(&[half, [0.0, 1.0, 0.0, 0.0, 0.0], [0.6, 0.0, 0.0, 0.4, 0.0]]);
+        assert_eq!((sorted.of(Class::Drop), sorted.of(Class::Streak), sorted.of(Class::Bubble)), (0..2, 2..3, 3..4));
+        assert!(sorted.of(Class::Sheet).is_empty());
         assert_eq!([0, 2, 3].map(|place| sorted.position[place]), [0, 1, 0].map(|index| spray.position[index]));
         let opacity = |spray: &Spray, place: usize| spray.appearance(place).opacity;
         assert!((opacity(&sorted, 0) + opacity(&sorted, 3) - opacity(&spray, 0)).abs() < 4e-5);

@@ -189,6 +189,24 @@ pub(super) struct ShadowCarrier {
     pub(super) bent: bool,
 }
 
+impl ShadowCarrier {
+    /// One in the air, from a place to which the eye's light has come `distance` metres.
+    pub(super) fn in_air(light: Vec3, distance: f32, place: Place, layer: Layer, group: u16) -> Self {
+        Self {
+            light,
+            share: 1.0,
+            level_path: 0.0,
+            distance,
+            place,
+            layer,
+            group,
+            crossed: 0,
+            in_water: false,
+            bent: false,
+        }
+    }
+}
+
 /// Rays towards lights.
 #[derive(Debug, Default)]
 pub(super) struct ShadowWave {

@@ -58,16 +58,8 @@ impl World<'_> {
     /// Queues the rays that bring sun and lamps to a diffuse point.
     pub(super) fn ask_for_light(&self, receiver: &Receiver, scratch: &mut Scratch) {
         let mut carrier = ShadowCarrier {
-            light: Vec3::ZERO,
-            share: 1.0,
-            level_path: 0.0,
-            distance: receiver.distance,
-            place: receiver.place,
-            layer: receiver.layer,
-            group: SUN,
-            crossed: 0,
             in_water: receiver.in_water,
-            bent: false,
+            ..ShadowCarrier::in_air(Vec3::ZERO, receiver.distance, receiver.place, receiver.layer, SUN)
         };
         if receiver.in_water {
             if self.manifold.is_some() {

@@ -102,18 +102,7 @@ impl World<'_> {
                 scratch.film.add(carrier.place, layer, group, light);
                 return;
             }
-            let shadow = ShadowCarrier {
-                light,
-                share: 1.0,
-                level_path: 0.0,
-                distance: carrier.distance,
-                place: carrier.place,
-                layer,
-                group,
-                crossed: 0,
-                in_water: false,
-                bent: false,
-            };
+            let shadow = ShadowCarrier::in_air(light, carrier.distance, carrier.place, layer, group);
             self.push_shadow_from(position, to_light, reach, shadow, scratch);
         };
         ask(self.sun.direction, f32::INFINITY, self.sun.irradiance, SUN);

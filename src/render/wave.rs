@@ -66,6 +66,7 @@ impl World<'_> {
     pub(super) fn pass_inner(&self, arrival: &Arrival, scratch: &mut Scratch) {
         let Arrival { carrier, direction, contact, .. } = arrival;
         if carrier.passed == u16::MAX {
+            scratch.paths.spent += 1;
             return;
         }
         let path = PathState { event: carrier.path.event.saturating_add(1), ..carrier.path };

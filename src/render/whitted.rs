@@ -257,18 +257,7 @@ impl World<'_> {
             scratch.film.add(carrier.place, layer, SUN, light);
             return;
         }
-        let shadow = ShadowCarrier {
-            light,
-            share: 1.0,
-            level_path: 0.0,
-            distance: carrier.distance,
-            place: carrier.place,
-            layer,
-            group: SUN,
-            crossed: 0,
-            in_water: false,
-            bent: false,
-        };
+        let shadow = ShadowCarrier::in_air(light, carrier.distance, carrier.place, layer, SUN);
         self.push_shadow(contact, self.sun.direction, f32::INFINITY, shadow, scratch);
     }
 

@@ -8,6 +8,7 @@
 mod beams;
 mod bounds;
 mod manifold;
+mod polynomial;
 mod raster;
 mod screen;
 mod search;

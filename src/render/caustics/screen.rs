@@ -5,7 +5,7 @@
 //! thrown away has no root in exact arithmetic either. The loop over parts is a plain one that the compiler turns into
 //! vectors.
 
-use super::search::Light;
+use super::{polynomial::Polynomial, search::Light};
 
 /// Parts along each axis.
 pub(super) const SIDE: usize = 4;
@@ -21,7 +21,7 @@ const OVER: f32 = 1.0 + 1e-4;
 /// A cell as the test wants it.
 pub(super) struct Screen<'p, const K: usize> {
     /// Heights over the cell, from -1 to 1.
-    pub(super) polynomial: &'p [[f64; K]; K],
+    pub(super) polynomial: &'p Polynomial<f64, K>,
     /// Half widths of the cell (m).
     pub(super) half: [f64; 2],
     /// The point relative to the cell's middle at its own height.
@@ -67,14 +67,14 @@ impl<const K: usize> Screen<'_, K> {
             Light::Direction(to) => (true, to.as_vec3().to_array()),
             Light::Point(place) => (false, place.as_vec3().to_array()),
         };
-        let mut p = [[0.0f32; K]; K];
+        let mut p = Polynomial([[0.0f32; K]; K]);
         for a in 0..K {
             for b in 0..K {
-                p[a][b] = self.polynomial[a][b] as f32;
+                p.0[a][b] = self.polynomial.0[a][b] as f32;
             }
         }
         // Heights are taken from the cell's middle.
-        p[0][0] = 0.0;
+        p.0[0][0] = 0.0;
         let n = self.ior as f32;
         let from = [self.from[0] as f32, self.from[1] as f32, self.from[2] as f32];
         let whole = [self.half[0] as f32, self.half[1] as f32];
@@ -85,29 +85,10 @@ impl<const K: usize> Screen<'_, K> {
         for lane in 0..LANES {
             let x = ((lane % SIDE) as f32 * 2.0 + 1.0) / SIDE as f32 - 1.0;
             let y = ((lane / SIDE) as f32 * 2.0 + 1.0) / SIDE as f32 - 1.0;
-            let p = over(&p, x, y);
-            let (mut range, mut first, mut second) = (0.0f32, [0.0f32; 2], [0.0f32; 3]);
-            for a in 0..K {
-                for b in 0..K {
-                    let size = p[a][b].abs();
-                    let (a_f, b_f) = (a as f32, b as f32);
-                    if a + b > 0 {
-                        range += size;
-                    }
-                    if a + b > 1 {
-                        first[0] += a_f * size;
-                        first[1] += b_f * size;
-                    }
-                    if a + b > 2 {
-                        second[0] += a_f * (a_f - 1.0) * size;
-                        second[1] += a_f * b_f * size;
-                        second[2] += b_f * (b_f - 1.0) * size;
-                    }
-                }
-            }
-            let bend = if K > 2 { [2.0 * p[2 % K][0], p[1][1], 2.0 * p[0][2 % K]] } else { [0.0, p[1][1], 0.0] };
-            let place = [x * whole[0], p[0][0], y * whole[1]];
-            let radius = (half[0] * half[0] + half[1] * half[1] + range * range).sqrt();
+            let p = p.over([x, y], [1.0 / SIDE as f32; 2]);
+            let (jet, ranges) = (p.jet_at_middle(), p.ranges());
+            let place = [x * whole[0], jet.height, y * whole[1]];
+            let radius = (half[0] * half[0] + half[1] * half[1] + ranges.height * ranges.height).sqrt();
             let near = Way::new([from[0] - place[0], from[1] - place[1], from[2] - place[2]], n, radius);
             let to_light =
                 [light[0] - far_share * place[0], light[1] - far_share * place[1], light[2] - far_share * place[2]];
@@ -118,8 +99,8 @@ impl<const K: usize> Screen<'_, K> {
                 n * near.direction[1] + far.direction[1],
                 n * near.direction[2] + far.direction[2],
             ];
-            let tangents = [[half[0], p[1][0], 0.0], [0.0, p[0][1], half[1]]];
-            let tilted = [[half[0], p[1][0] + tilt[0], 0.0], [0.0, p[0][1] + tilt[1], half[1]]];
+            let tangents = [[half[0], jet.first[0], 0.0], [0.0, jet.first[1], half[1]]];
+            let tilted = [[half[0], jet.first[0] + tilt[0], 0.0], [0.0, jet.first[1] + tilt[1], half[1]]];
             let chord = near.chord + far.chord;
             let length = [dot(tangents[0], tangents[0]).sqrt(), dot(tangents[1], tangents[1]).sqrt()];
             let tilted_length = [dot(tilted[0], tilted[0]).sqrt(), dot(tilted[1], tilted[1]).sqrt()];
@@ -129,15 +110,15 @@ impl<const K: usize> Screen<'_, K> {
             let (mut j, mut d) = ([[0.0f32; 2]; 2], [[0.0f32; 2]; 2]);
             for i in 0..2 {
                 for k in 0..2 {
-                    let (bend, range) = (bend[i + k], second[i + k]);
+                    let (bend, range) = (jet.second[i][k], ranges.second[i][k]);
                     j[i][k] = h[1] * bend;
                     d[i][k] = h[1].abs() * range + chord * (bend.abs() + range) + ROOM * (n + 1.0) * bend.abs();
                     for (way, pull) in [(&near, near.pull), (&far, far_pull)] {
                         let growth = way.sine / (1.0 - way.sine);
                         let turned = way.sine * tilted_length[i] * length[k]
-                            + first[i] * length[k]
-                            + first[k] * tilted_length[i]
-                            + first[i] * first[k];
+                            + ranges.first[i] * length[k]
+                            + ranges.first[k] * tilted_length[i]
+                            + ranges.first[i] * ranges.first[k];
                         let across = dot(tilted[i], tangents[k])
                             - dot(way.direction, tilted[i]) * dot(way.direction, tangents[k]);
                         j[i][k] -= pull * across;
@@ -162,34 +143,4 @@ impl<const K: usize> Screen<'_, K> {
         }
         kept.iter().sum::<u32>() as u16
     }
-}
-
-/// A polynomial over the part around (x, y).
-#[inline(always)]
-fn over<const K: usize>(p: &[[f32; K]; K], x: f32, y: f32) -> [[f32; K]; K] {
-    let mut p = *p;
-    for start in 0..K - 1 {
-        for k in (start..K - 1).rev() {
-            for b in 0..K {
-                p[k][b] += x * p[k + 1][b];
-            }
-        }
-    }
-    for start in 0..K - 1 {
-        for k in (start..K - 1).rev() {
-            for a in 0..K {
-                p[a][k] += y * p[a][k + 1];
-            }
-        }
-    }
-    let mut along = 1.0;
-    for a in 0..K {
-        let mut scale = along;
-        for b in 0..K {
-            p[a][b] *= scale;
-            scale *= 1.0 / SIDE as f32;
-        }
-        along *= 1.0 / SIDE as f32;
-    }
-    p
 }

@@ -12,6 +12,7 @@ use glam::DVec3;
 
 use super::{
     Connection, Event, ManifoldCounts,
+    polynomial::{Jet, Polynomial},
     screen::{self, Screen},
 };
 use crate::surface::Lattice;
@@ -163,140 +164,6 @@ enum Verdict {
     Open,
 }
 
-/// Height and its derivatives along α and β.
-#[derive(Clone, Copy, Debug)]
-struct Jet {
-    height: f64,
-    first: [f64; 2],
-    second: [[f64; 2]; 2],
-}
-
-/// Heights as a polynomial of α and β: `[a][b]` belongs to αᵃ βᵇ.
-#[derive(Clone, Copy, Debug)]
-struct Polynomial<const K: usize>([[f64; K]; K]);
-
-impl<const K: usize> Polynomial<K> {
-    /// A patch about its middle, in patch widths.
-    #[inline(always)]
-    fn of_patch(lattice: &Lattice, i: usize, j: usize) -> Self {
-        let mut coefficients = [[0.0; K]; K];
-        let mut rows = [[0.0; K]; K];
-        for b in 0..K {
-            let heights = &lattice.heights[(j + b) * lattice.stride + i..][..K];
-            rows[b] = powers(std::array::from_fn(|a| f64::from(heights[a])));
-        }
-        for a in 0..K {
-            coefficients[a] = powers(std::array::from_fn(|b| rows[b][a]));
-        }
-        Self(coefficients)
-    }
-
-    /// The same over a cell, from -1 to 1.
-    #[inline(always)]
-    fn over(&self, cell: &Cell) -> Self {
-        let mut p = self.0;
-        let [x, y] = cell.middle;
-        // Most cells are whole patches.
-        let moved = x != 0.0 || y != 0.0;
-        for start in 0..if moved { K - 1 } else { 0 } {
-            for k in (start..K - 1).rev() {
-                for b in 0..K {
-                    p[k][b] += x * p[k + 1][b];
-                }
-            }
-        }
-        for start in 0..if moved { K - 1 } else { 0 } {
-            for k in (start..K - 1).rev() {
-                for a in 0..K {
-                    p[a][k] += y * p[a][k + 1];
-                }
-            }
-        }
-        let mut along = 1.0;
-        for a in 0..K {
-            let mut scale = along;
-            for b in 0..K {
-                p[a][b] *= scale;
-                scale *= cell.half[1];
-            }
-            along *= cell.half[0];
-        }
-        Self(p)
-    }
-
-    #[inline(always)]
-    fn jet_at_middle(&self) -> Jet {
-        let p = &self.0;
-        let (aa, bb) = if K > 2 { (2.0 * p[2.min(K - 1)][0], 2.0 * p[0][2.min(K - 1)]) } else { (0.0, 0.0) };
-        Jet { height: p[0][0], first: [p[1][0], p[0][1]], second: [[aa, p[1][1]], [p[1][1], bb]] }
-    }
-
-    #[inline(always)]
-    fn jet(&self, [x, y]: [f64; 2]) -> Jet {
-        // Every column's value and derivatives along β, then the same along α.
-        let columns: [[f64; 3]; K] = std::array::from_fn(|a| horner(&self.0[a], y));
-        let [height, first_a, second_a] = horner(&columns.map(|column| column[0]), x);
-        let [first_b, mixed, _] = horner(&columns.map(|column| column[1]), x);
-        let [second_b, ..] = horner(&columns.map(|column| column[2]), x);
-        Jet { height, first: [first_a, first_b], second: [[second_a, mixed], [mixed, second_b]] }
-    }
-
-    /// Most that height, first and second derivatives differ by, over the cell, from what they are at its middle.
-    #[inline(always)]
-    fn ranges(&self) -> Jet {
-        let mut ranges = Jet { height: 0.0, first: [0.0; 2], second: [[0.0; 2]; 2] };
-        for a in 0..K {
-            for b in 0..K {
-                let size = self.0[a][b].abs();
-                let (x, y) = (a as f64, b as f64);
-                ranges.height += if a + b > 0 { size } else { 0.0 };
-                if a + b > 1 {
-                    ranges.first[0] += x * size;
-                    ranges.first[1] += y * size;
-                }
-                if a + b > 2 {
-                    ranges.second[0][0] += x * (x - 1.0) * size;
-                    ranges.second[1][1] += y * (y - 1.0) * size;
-                    ranges.second[0][1] += x * y * size;
-                }
-            }
-        }
-        ranges.second[1][0] = ranges.second[0][1];
-        ranges
-    }
-}
-
-/// Value, first and second derivative of a polynomial.
-#[inline(always)]
-fn horner<const K: usize>(p: &[f64; K], x: f64) -> [f64; 3] {
-    let (mut value, mut first, mut half_second) = (p[K - 1], 0.0, 0.0);
-    for k in (0..K - 1).rev() {
-        half_second = half_second * x + first;
-        first = first * x + value;
-        value = value * x + p[k];
-    }
-    [value, first, 2.0 * half_second]
-}
-
-/// B-spline heights to powers of the place from the middle of the span, in spans.
-#[inline(always)]
-fn powers<const K: usize>(h: [f64; K]) -> [f64; K] {
-    let mut p = [0.0; K];
-    match *h.as_slice() {
-        [a, b] => p.copy_from_slice(&[0.5 * (a + b), b - a]),
-        [a, b, c] => p.copy_from_slice(&[0.125 * (a + c) + 0.75 * b, 0.5 * (c - a), 0.5 * (a + c) - b]),
-        [a, b, c, d] => p.copy_from_slice(&[
-            (a + d) / 48.0 + 23.0 / 48.0 * (b + c),
-            0.125 * (d - a) + 0.625 * (c - b),
-            0.25 * (a + d - b - c),
-            (d - a) / 6.0 + 0.5 * (b - c),
-        ]),
-        // Lattices have no other orders.
-        _ => {}
-    }
-    p
-}
-
 /// Both equations and their Jacobian at one place, in α and β.
 struct Law {
     /// Unit vector to the point and one over the distance.
@@ -335,7 +202,7 @@ fn across(d: DVec3, a: DVec3, b: DVec3) -> f64 {
 /// A patch being searched.
 struct Patch<'q, 'a, const K: usize> {
     query: &'q mut Query<'a>,
-    polynomial: Polynomial<K>,
+    polynomial: Polynomial<f64, K>,
     cell: [usize; 2],
     /// Local x, z of its middle (m).
     middle: [f64; 2],
@@ -380,7 +247,7 @@ pub(super) fn patch<const K: usize>(lattice: &Lattice, cell: [usize; 2], query: 
 
 impl<const K: usize> Patch<'_, '_, K> {
     #[inline(always)]
-    fn law(&self, cell: &Cell, [x, y]: [f64; 2], jet: &Jet) -> Law {
+    fn law(&self, cell: &Cell, [x, y]: [f64; 2], jet: &Jet<f64>) -> Law {
         let half: [f64; 2] = std::array::from_fn(|axis| cell.half[axis] * self.width[axis]);
         let at = |axis: usize, t: f64| (cell.middle[axis] + t * cell.half[axis]) * self.width[axis];
         let place = DVec3::new(at(0, x), jet.height, at(1, y));
@@ -416,7 +283,7 @@ impl<const K: usize> Patch<'_, '_, K> {
     /// Most that the Jacobian differs by, over the cell, from what it is at the middle; `None` if the point or the light
     /// is too near for a bound.
     #[inline(always)]
-    fn change(&self, law: &Law, jet: &Jet, ranges: &Jet, radius: f64) -> Option<[[f64; 2]; 2]> {
+    fn change(&self, law: &Law, jet: &Jet<f64>, ranges: &Jet<f64>, radius: f64) -> Option<[[f64; 2]; 2]> {
         let n = self.query.ior;
         let lengths = law.tangents.map(DVec3::length);
         let tilted = law.tilted.map(DVec3::length);
@@ -465,7 +332,7 @@ impl<const K: usize> Patch<'_, '_, K> {
                 self.query.unsettled = true;
                 return;
             }
-            let polynomial = self.polynomial.over(&cell);
+            let polynomial = self.polynomial.over(cell.middle, cell.half);
             let (jet, ranges) = (polynomial.jet_at_middle(), polynomial.ranges());
             let law = self.law(&cell, [0.0; 2], &jet);
             let size: [f64; 2] = std::array::from_fn(|axis| cell.half[axis] * self.width[axis]);
@@ -495,7 +362,7 @@ impl<const K: usize> Patch<'_, '_, K> {
 
     /// What bounds over the cell say of the roots in it.
     #[inline(always)]
-    fn judge(&self, cell: &Cell, law: &Law, jet: &Jet, ranges: &Jet, size: [f64; 2]) -> Verdict {
+    fn judge(&self, cell: &Cell, law: &Law, jet: &Jet<f64>, ranges: &Jet<f64>, size: [f64; 2]) -> Verdict {
         let radius = (size[0] * size[0] + size[1] * size[1] + ranges.height * ranges.height).sqrt();
         let reach: [f64; 2] = std::array::from_fn(|axis| 1.0 + BORDER / cell.half[axis]);
         let room = reach[0].max(reach[1]);
@@ -540,13 +407,13 @@ impl<const K: usize> Patch<'_, '_, K> {
 
     /// Parts of a cell that may hold a root: of sixteenths, or of halves or quarters where less is to be divided.
     #[inline(always)]
-    fn divide(&self, whole: Cell, size: [f64; 2], polynomial: &Polynomial<K>) -> Waiting {
+    fn divide(&self, whole: Cell, size: [f64; 2], polynomial: &Polynomial<f64, K>) -> Waiting {
         let [x, z] = size;
         if x.max(z) > self.query.tolerance && 2.0 * x.min(z) >= x.max(z) {
             let middle = [0, 1].map(|axis| whole.middle[axis] * self.width[axis]);
             let shift = DVec3::new(middle[0], polynomial.0[0][0], middle[1]);
             let screen = Screen {
-                polynomial: &polynomial.0,
+                polynomial,
                 half: size,
                 from: (self.from - shift).to_array(),
                 light: self.light.moved(shift),
@@ -564,7 +431,7 @@ impl<const K: usize> Patch<'_, '_, K> {
     /// Every root of the cell lies within a ball of the unheld step, which shrinks from step to step; a step that ends
     /// farther from the cell than that proves that there is none.
     #[inline(always)]
-    fn iterate(&mut self, polynomial: &Polynomial<K>, cell: &Cell, leaf: &Cell, mut law: Law, contraction: f64) {
+    fn iterate(&mut self, polynomial: &Polynomial<f64, K>, cell: &Cell, leaf: &Cell, mut law: Law, contraction: f64) {
         let reach: [f64; 2] = std::array::from_fn(|axis| 1.0 + BORDER / cell.half[axis]);
         let mut ball = reach[0].max(reach[1]);
         let mut rate = contraction;
@@ -597,7 +464,7 @@ impl<const K: usize> Patch<'_, '_, K> {
 
     /// Adds a root if it is where the leaf ends at most, is new, and light really goes that way.
     #[inline(always)]
-    fn keep(&mut self, cell: &Cell, leaf: &Cell, at: [f64; 2], jet: &Jet, law: &Law) {
+    fn keep(&mut self, cell: &Cell, leaf: &Cell, at: [f64; 2], jet: &Jet<f64>, law: &Law) {
         let place: [f64; 2] = std::array::from_fn(|axis| cell.middle[axis] + at[axis] * cell.half[axis]);
         let half: [f64; 2] = std::array::from_fn(|axis| cell.half[axis] * self.width[axis]);
         let mut on_border = false;

@@ -388,3 +388,20 @@ fn no_solution_that_a_very_dense_search_finds_is_lost() {
         assert!(more * 200 <= roots, "order {order}: {more} more than {roots}");
     }
 }
+
+#[test]
+fn where_waves_focus_most_parts_are_thrown_away_together() {
+    // Crests as lenses whose focus is about where the points are: halving alone looks at more than eighty cells for each.
+    let pool = surface(3, [96; 2], [0.2; 2], |x, z| {
+        0.05 * (4.8 * (0.8 * x + 0.6 * z)).sin() + 0.03 * (7.6 * (0.92 * z - 0.4 * x) + 1.0).sin()
+    });
+    let manifold = Manifold::new(&pool);
+    let sun = Target::Direction(Vec3::new(0.3, 0.85, 0.2).normalize());
+    let (mut found, mut counts) = (Vec::new(), ManifoldCounts::default());
+    for k in 0..200 {
+        let [a, b, ..] = sobol_burley::sample_4d(k, 0, 3);
+        let from = Vec3::new(2.0 * a - 1.0, -3.0, 2.0 * b - 1.0);
+        manifold.connect(from, Event::Refraction, sun, WATER, [0.0; 2], 5e-4, &mut found, &mut counts);
+    }
+    assert!(counts.solutions >= 200 && counts.cells < 15 * counts.queries, "{counts:?}");
+}
