@@ -10,7 +10,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("ffi", &[]),
     ("scene", &[]),
     ("state", &["scene"]),
-    ("foam", &["scene", "state"]),
+    ("foam", &["scene", "state", "particles"]),
     ("surface", &["simd", "scene", "state"]),
     ("particles", &["scene", "state"]),
     ("mist", &["scene"]),

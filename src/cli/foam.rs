@@ -1,4 +1,4 @@
-//! The foam of one frame of a scene: what its file carries, or what its window of frames gives.
+//! The foam of one frame of a scene: what its file carries or what its window of frames gives, and what its bubbles add.
 
 use std::rc::Rc;
 
@@ -10,7 +10,8 @@ use crate::foam::{self, FoamState};
 use crate::scene::LoadedScene;
 use crate::state::{self, FoamArrays, Frame, FrameSequence};
 
-/// The foam of frame `number`, which is `frame`; `None` where the scene shows none or nothing gives any.
+/// The foam of frame `number`, which is `frame`, with that of its particles under water; `None` where the scene shows none or
+/// nothing gives any.
 ///
 /// Stored foam wins over a window. A frame that says how much foam there is but not how its pattern has moved takes that from
 /// the window; without one its pattern stands still.
@@ -23,10 +24,28 @@ pub(super) fn of_frame(
     number: i64,
     frame: &Frame,
 ) -> Result<Option<FoamState>, CliError> {
-    let settings = &loaded.scene.foam;
-    if !settings.visible || settings.amount == 0.0 || !loaded.scene.water.visible {
+    let scene = &loaded.scene;
+    let settings = &scene.foam;
+    if !settings.visible || settings.amount == 0.0 || !scene.water.visible {
         return Ok(None);
     }
+    let mut foam = without_bubbles(loaded, frames, number, frame)?;
+    let columns = &frame.columns;
+    if settings.bubbles > 0.0 && !frame.particles.mass.is_empty() {
+        let still = || FoamState::new([columns.nx, columns.nz], columns.width, frame.time, settings.renewal);
+        foam.get_or_insert_with(still).add_bubbles(columns, &frame.particles, settings, scene.particles.scale);
+    }
+    Ok(foam)
+}
+
+/// What the frame's file carries, or what the window gives.
+fn without_bubbles(
+    loaded: &LoadedScene,
+    frames: &FrameSequence,
+    number: i64,
+    frame: &Frame,
+) -> Result<Option<FoamState>, CliError> {
+    let settings = &loaded.scene.foam;
     let columns = &frame.columns;
     let (count, width) = ([columns.nx, columns.nz], columns.width);
     let path = frames.path(number).with_context(|| format!("there is no frame {number}"))?;

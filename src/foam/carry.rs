@@ -88,6 +88,13 @@ impl FoamState {
         &self.density
     }
 
+    /// Covers every column anew: of what is free, the given share stays free.
+    pub(super) fn cover(&mut self, free: &[f32]) {
+        for (density, free) in self.density.iter_mut().zip(free) {
+            *density = 1.0 - (1.0 - *density) * free;
+        }
+    }
+
     /// The coordinates' offsets of a layer (m).
     pub fn offset(&self, layer: usize) -> &[[f32; 2]] {
         &self.offset[layer]

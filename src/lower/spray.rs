@@ -70,12 +70,14 @@ pub(super) fn gather(
     }
     let shares = judged(scene, &spray, water);
     // What is too small to be told apart stops as much light as its own drops would: water in finer ones counts for more.
+    let fine = settings.classes.atomised;
     let (mut place, mut mass) = (Vec::new(), Vec::new());
     for (index, shares) in shares.iter().enumerate() {
         let (share, radius) = (f64::from(shares[Class::Mist as usize]), f64::from(spray.radius[index]));
         if share > 0.0 {
             place.push((origin + spray.position[index].as_dvec3()).to_array());
-            mass.push(share * particles::mass(radius) * (settings.droplet_radius / radius));
+            let own = settings.droplet_radius / radius;
+            mass.push(share * particles::mass(radius) * (fine + (1.0 - fine) * own));
         }
     }
     // Radii have the scene's scale already.
@@ -156,7 +158,13 @@ pub(super) fn parts(
     if !drops.is_empty() {
         let position: Vec<Vec3> = drops.iter().map(|&index| spray.position[index]).collect();
         let radius: Vec<f32> = drops.iter().map(|&index| spray.radius[index]).collect();
-        let sheet = particles::sheet(&position, particles::mean_radius(&radius), &scene.particles.sheet)?;
+        let first = spray.of(Class::Sheet).start;
+        let share: Vec<f32> = match spray.sheet_shares() {
+            [] => Vec::new(),
+            shares => drops.iter().map(|&index| shares[index - first]).collect(),
+        };
+        let radius = particles::mean_radius(&radius);
+        let sheet = particles::sheet(&position, &share, radius, &scene.particles.sheet)?;
         let particles::Sheet { position, normal, index } = sheet;
         let triangles = Triangles { position, normal, index };
         add(Class::Sheet.name(), Material::Sheet, Shape::Triangles(Arc::new(triangles)));

@@ -2,14 +2,15 @@
 //!
 //! Densities of smoothed particles, marching cubes where they reach a share of water's, then smoothing: crate
 //! `splashsurf_lib` (F. Löschner et al., Weighted Laplacian smoothing for surface reconstruction of particle-based fluids,
-//! 2023). What the surface is made of is not here.
+//! 2023). A drop that is in the sheet by a share of itself adds that share of its water, so that a sheet thins out and is
+//! gone before its last drop is: nothing pops. What the surface is made of is not here.
 
 use glam::Vec3;
 use splashsurf_lib::nalgebra::Vector3;
 use splashsurf_lib::{
-    Parameters,
+    DensityMap, density_map, grid_for_reconstruction, marching_cubes,
     mesh::{Mesh3d, TriMesh3d},
-    postprocessing, reconstruct_surface,
+    neighborhood_search, postprocessing,
 };
 
 use crate::scene;
@@ -50,13 +51,17 @@ pub enum SheetError {
 /// cell.
 const MOST_CELLS: f32 = 16_384.0;
 
-/// Joins particles (m, local frame), each taken for a drop of the given radius (m).
+/// Density of water (kg/m3); it cancels, since a drop's density and its mass are of the same water.
+const WATER: f32 = 1000.0;
+
+/// Joins particles (m, local frame), each taken for a drop of the given radius (m), of which a share (0..1, more than 0) is
+/// in the sheet. No shares: all of it.
 ///
-/// The same to the bit at any count of threads: it runs on one.
+/// The same to the bit at any count of threads: what is summed is summed by one.
 ///
 /// # Errors
 /// [`SheetError::Grid`].
-pub fn sheet(position: &[Vec3], radius: f32, settings: &scene::Sheet) -> Result<Sheet, SheetError> {
+pub fn sheet(position: &[Vec3], share: &[f32], radius: f32, settings: &scene::Sheet) -> Result<Sheet, SheetError> {
     if position.is_empty() {
         return Ok(Sheet::default());
     }
@@ -69,20 +74,30 @@ pub fn sheet(position: &[Vec3], radius: f32, settings: &scene::Sheet) -> Result<
     }
     // Around the middle, where coordinates keep their digits.
     let middle = 0.5 * (low + high);
+    let kept = apart(position, low, 0.5 * radius);
     let places: Vec<Vector3<f32>> =
-        apart(position, low, 0.5 * radius).map(|p| Vector3::from((p - middle).to_array())).collect();
-    let mut parameters = Parameters::new(radius, radius * settings.reach as f32, cell);
-    parameters.iso_surface_threshold = settings.threshold as f32;
-    let join = || {
-        let mut mesh = reconstruct_surface::<i64, f32>(&places, &parameters)
-            .map_err(|error| refuse(std::error::Error::source(&error).map_or(error.to_string(), ToString::to_string)))?
-            .mesh;
-        smooth(&mut mesh, settings.smoothing as usize);
-        Ok(mesh)
-    };
-    // Who is done first decides the order of vertices otherwise.
-    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|error| refuse(error.to_string()))?;
-    let mesh: TriMesh3d<f32> = alone.install(join)?;
+        kept.iter().map(|&index| Vector3::from((position[index as usize] - middle).to_array())).collect();
+    let reach = radius * settings.reach as f32;
+    let grid = grid_for_reconstruction::<i64, f32>(&places, radius, reach, cell, None, false)
+        .map_err(|error| refuse(std::error::Error::source(&error).map_or(error.to_string(), ToString::to_string)))?;
+    // By one thread: the order of neighbours is the order of their sum.
+    let mut around = Vec::new();
+    neighborhood_search::search_inplace::<i64, f32>(grid.aabb(), &places, reach, false, &mut around);
+    // The crate's own measure of a drop: a cube of water as wide.
+    let mass = (2.0 * radius).powi(3) * WATER;
+    let mut dense = density_map::compute_particle_densities::<i64, f32>(&places, &around, reach, mass, true);
+    if !share.is_empty() {
+        // A drop's volume is its mass by its density.
+        for (dense, &index) in dense.iter_mut().zip(&kept) {
+            *dense /= share[index as usize];
+        }
+    }
+    let mut map = DensityMap::default();
+    density_map::generate_sparse_density_map(&grid, &places, &dense, None, mass, reach, cell, false, &mut map)
+        .map_err(|error| refuse(error.to_string()))?;
+    let mut mesh = marching_cubes::triangulate_density_map(&grid, &map, settings.threshold as f32)
+        .map_err(|error| refuse(error.to_string()))?;
+    smooth(&mut mesh, settings.smoothing as usize);
     let normal = mesh.vertex_normals();
     Ok(Sheet {
         position: mesh.vertices.iter().map(|p| Vec3::from_array((*p).into()) + middle).collect(),
@@ -91,16 +106,17 @@ pub fn sheet(position: &[Vec3], radius: f32, settings: &scene::Sheet) -> Result<
     })
 }
 
-/// One particle of each cell of a grid from `low` on: those in one place add nothing to the surface, and a crowd of them
-/// would each have all others for neighbours.
-fn apart(position: &[Vec3], low: Vec3, width: f32) -> impl Iterator<Item = Vec3> {
+/// Numbers of particles, one of each cell of a grid from `low` on: those in one place add nothing to the surface, and a
+/// crowd of them would each have all others for neighbours.
+fn apart(position: &[Vec3], low: Vec3, width: f32) -> Vec<u32> {
     let cell = |p: Vec3| ((p - low) / width).as_ivec3().to_array();
     let mut cells: Vec<([i32; 3], u32)> = (0..).zip(position).map(|(index, &p)| (cell(p), index)).collect();
     cells.sort_unstable();
     cells.dedup_by_key(|(cell, _)| *cell);
+    let mut kept: Vec<u32> = cells.into_iter().map(|(_, index)| index).collect();
     // In the order of the file, whatever the order of cells is.
-    cells.sort_unstable_by_key(|&(_, index)| index);
-    cells.into_iter().map(|(_, index)| position[index as usize])
+    kept.sort_unstable();
+    kept
 }
 
 /// Takes away the grid's steps.
@@ -141,7 +157,7 @@ mod tests {
         let radius = 0.02;
         let shift = Vec3::new(10.0, -3.0, 7.0);
         let drops: Vec<Vec3> = ball(0.3, radius).into_iter().map(|p| p + shift).collect();
-        let sheet = sheet(&drops, radius, &scene::Sheet::default()).unwrap();
+        let sheet = sheet(&drops, &[], radius, &scene::Sheet::default()).unwrap();
         // Volume by the divergence theorem: closed, and outward.
         let volume: f32 = sheet
             .index
@@ -163,20 +179,41 @@ mod tests {
     #[test]
     fn the_same_bits_in_a_pool_of_threads() {
         let drops = ball(0.2, 0.02);
-        let once = || sheet(&drops, 0.02, &scene::Sheet::default()).unwrap();
+        let once = || sheet(&drops, &[], 0.02, &scene::Sheet::default()).unwrap();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap();
         let first = once();
         assert!((0..3).all(|_| pool.install(once) == first));
     }
 
     #[test]
+    fn a_sheet_thins_out_with_the_shares_of_its_drops_and_is_gone_before_they_are() {
+        let drops = ball(0.2, 0.02);
+        let width = |share: f32| {
+            let sheet = sheet(&drops, &vec![share; drops.len()], 0.02, &scene::Sheet::default()).unwrap();
+            sheet.position.iter().map(|p| p.length()).fold(0.0, f32::max)
+        };
+        let whole = width(1.0);
+        let mut before = whole;
+        for step in 1..=32 {
+            let now = width(1.0 - step as f32 / 33.0);
+            // It shrinks (up to what marching cubes and smoothing make of it), by no more than two drops at once.
+            assert!(now <= before + 0.005, "{step}: {now} {before}");
+            assert!(now == 0.0 || before - now < 0.04, "{step}: {now} {before}");
+            before = now;
+        }
+        assert_eq!(before, 0.0);
+        let unweighted = sheet(&drops, &[], 0.02, &scene::Sheet::default()).unwrap();
+        assert_eq!(whole, unweighted.position.iter().map(|p| p.length()).fold(0.0, f32::max));
+    }
+
+    #[test]
     fn what_cannot_be_joined_says_so() {
         let settings = scene::Sheet::default();
-        assert_eq!(sheet(&[], 0.1, &settings).unwrap(), Sheet::default());
-        let message = sheet(&[Vec3::ZERO, Vec3::splat(1e6)], 1e-6, &settings).unwrap_err().to_string();
+        assert_eq!(sheet(&[], &[], 0.1, &settings).unwrap(), Sheet::default());
+        let message = sheet(&[Vec3::ZERO, Vec3::splat(1e6)], &[], 1e-6, &settings).unwrap_err().to_string();
         assert!(message.contains("2 drops of 1e-6 m over 1e6 m"), "{message}");
         let million = vec![Vec3::ONE; 100_000];
-        assert!(sheet(&million, 0.01, &settings).unwrap().position.iter().all(|p| p.is_finite()));
-        assert!(sheet(&million[..1], 1e-6, &settings).is_ok());
+        assert!(sheet(&million, &[], 0.01, &settings).unwrap().position.iter().all(|p| p.is_finite()));
+        assert!(sheet(&million[..1], &[], 1e-6, &settings).is_ok());
     }
 }

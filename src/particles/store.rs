@@ -21,6 +21,8 @@ pub struct Spray {
     first: [usize; 6],
     /// Factor on each opacity; empty where all are 1.
     share: Vec<f32>,
+    /// Share of each particle of class sheet in it.
+    sheet: Vec<f32>,
     /// Particles left out because their radius is 0 (no mass, or a scale of 0).
     pub without_size: u64,
     /// Particles left out because their position, velocity or radius is beyond single precision.
@@ -60,26 +62,24 @@ impl Spray {
         spray
     }
 
-    /// Sorts the particles by class. One that belongs to several stands in each, as opaque as its share there; in sheets from
-    /// one half on. Mist is no particle any more.
+    /// Sorts the particles by class. One that belongs to several stands in each, as opaque as its share there, and has that
+    /// share of itself in a sheet. Mist is no particle any more.
     pub fn sorted(&self, shares: &[Shares]) -> Self {
         let mut sorted = Self { without_size: self.without_size, out_of_range: self.out_of_range, ..Self::default() };
         for class in Class::ALL {
             sorted.first[class as usize] = sorted.len();
             for (index, shares) in shares.iter().enumerate() {
                 let share = shares[class as usize];
-                let stands = match class {
-                    Class::Mist => false,
-                    // There are no halves of a surface; what a particle is besides still fades.
-                    Class::Sheet => share >= 0.5,
-                    Class::Drop | Class::Streak | Class::Bubble => share > 0.0,
-                };
+                let stands = class != Class::Mist && share > 0.0;
                 if stands {
                     let [r, g, b, opacity] = self.look[index];
                     sorted.position.push(self.position[index]);
                     sorted.velocity.push(self.velocity[index]);
                     sorted.radius.push(self.radius[index]);
                     sorted.look.push([r, g, b, (f32::from(opacity) * share).round() as u16]);
+                    if class == Class::Sheet {
+                        sorted.sheet.push(share);
+                    }
                 }
             }
         }
@@ -115,6 +115,11 @@ impl Spray {
         }
     }
 
+    /// How much of each particle of a sheet is in it, 0..1; empty where all are.
+    pub fn sheet_shares(&self) -> &[f32] {
+        &self.sheet
+    }
+
     /// Count of particles that can be drawn.
     #[inline]
     pub fn len(&self) -> usize {
@@ -138,7 +143,7 @@ impl Spray {
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
         let each = 2 * size_of::<Vec3>() + size_of::<f32>() + size_of::<[u16; 4]>();
-        (self.len() * each + size_of_val(&*self.share)) as u64
+        (self.len() * each + size_of_val(&*self.share) + size_of_val(&*self.sheet)) as u64
     }
 }
 
@@ -179,11 +184,12 @@ mod tests {
         assert_eq!((spray.of(Class::Drop), spray.of(Class::Bubble)), (0..3, 3..3));
         let half = [0.25, 0.0, 0.0, 0.0, 0.75];
         let sorted = spray.sorted(&[half, [0.0, 1.0, 0.0, 0.0, 0.0], [0.6, 0.0, 0.0, 0.4, 0.0]]);
-        assert_eq!((sorted.of(Class::Drop), sorted.of(Class::Streak), sorted.of(Class::Bubble)), (0..2, 2..3, 3..4));
-        assert!(sorted.of(Class::Sheet).is_empty());
-        assert_eq!([0, 2, 3].map(|place| sorted.position[place]), [0, 1, 0].map(|index| spray.position[index]));
+        let ranges = [Class::Drop, Class::Streak, Class::Sheet, Class::Bubble].map(|class| sorted.of(class));
+        assert_eq!(ranges, [0..2, 2..3, 3..4, 4..5]);
+        assert_eq!(sorted.sheet_shares(), [0.4]);
+        assert_eq!([0, 2, 3, 4].map(|place| sorted.position[place]), [0, 1, 2, 0].map(|index| spray.position[index]));
         let opacity = |spray: &Spray, place: usize| spray.appearance(place).opacity;
-        assert!((opacity(&sorted, 0) + opacity(&sorted, 3) - opacity(&spray, 0)).abs() < 4e-5);
+        assert!((opacity(&sorted, 0) + opacity(&sorted, 4) - opacity(&spray, 0)).abs() < 4e-5);
         assert!((opacity(&sorted, 0) / opacity(&spray, 0) - 0.25).abs() < 1e-4);
     }
 

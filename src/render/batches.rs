@@ -109,6 +109,8 @@ pub(super) struct PathState {
     pub(super) fresh: bool,
     /// Sun and lamps along this ray are the caustics' matter.
     pub(super) covered: bool,
+    /// Nothing but sheets of water since it left a diffuse thing or mist in the air: links have brought the sun through them.
+    pub(super) behind_sheets: bool,
 }
 
 /// Lights that an event has sent a ray of its own to.

@@ -251,8 +251,8 @@ pub(super) struct World<'a> {
     pub(super) mist: Option<&'a Mist>,
     /// Mean radiance of the sky and the far ground, all around.
     pub(super) mean_sky: Vec3,
-    /// Links may be thinned by spray.
-    pub(super) has_spray: bool,
+    /// Links may be thinned by spray, or by sheets of it.
+    pub(super) may_thin: bool,
     /// Tolerance of a surface hit: metres, and metres per metre travelled.
     pub(super) tolerance: [f32; 2],
     /// The same for rays after the first.
@@ -325,7 +325,10 @@ impl<'a> World<'a> {
             most_bubbles: matter.most_bubbles(),
             mist: matter.mist().filter(|mist| !mist.is_empty()),
             mean_sky: single_scattering::mean_radiance(sky),
-            has_spray: lowered.parts.iter().any(|part| matches!(part.material, Material::Spray { .. })),
+            may_thin: lowered
+                .parts
+                .iter()
+                .any(|part| matches!(part.material, Material::Spray { .. } | Material::Sheet)),
             tolerance,
             secondary_tolerance: tolerance.map(|part| part * scene.surface.secondary_accuracy as f32),
         };

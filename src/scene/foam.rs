@@ -17,6 +17,10 @@ pub struct Foam {
     /// Frames before the one that is rendered from which foam is made anew, where the frame carries none; 0: only what frames carry.
     #[schemars(range(min = 0, max = 100000))]
     pub window: u32,
+    /// Factor on the area that particles under the surface cover with foam when they come up: each stands for so many
+    /// bubbles of its size; 0: none.
+    #[schemars(range(min = 0.0, max = 1000000000.0))]
+    pub bubbles: f64,
     /// Seconds in which foam that gets no air falls to 1/e.
     #[schemars(range(min = 0.001, max = 1000000.0))]
     pub lifetime: f64,
@@ -52,6 +56,7 @@ impl Default for Foam {
             visible: true,
             amount: 1.0,
             window: 0,
+            bubbles: 1.0,
             lifetime: 2.5,
             renewal: 2.0,
             limits: FoamLimits::default(),

@@ -24,6 +24,10 @@ pub struct Classes {
     /// Radius (m) from which on a drop is seen as one; half as wide is mist.
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub mist_radius: f64,
+    /// Share of a mist particle's water that is in droplets of `particles.droplet_radius`: a particle then stands for a
+    /// puff of them. The rest is in drops of its own size.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub atomised: f64,
     /// How far a particle's neighbours may be, in radii of a drop of the mean volume.
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub reach: f64,
@@ -33,7 +37,7 @@ pub struct Classes {
 }
 impl Default for Classes {
     fn default() -> Self {
-        Self { mist_radius: 0.0015, reach: 4.0, sheet_neighbours: 16.0 }
+        Self { mist_radius: 0.0015, atomised: 0.0, reach: 4.0, sheet_neighbours: 16.0 }
     }
 }
 

@@ -11,7 +11,7 @@ use super::{
     },
     Link, Purpose, share,
 };
-use crate::lower::Shape;
+use crate::lower::{Material, Shape};
 
 impl World<'_> {
     /// What the water's surface does to a path. The camera's own rays take both ways, all others one by chance.
@@ -37,11 +37,13 @@ impl World<'_> {
         // Walls are no part of the spline: what comes by them is found by chance.
         let found = carrier.path.fresh && self.manifold.is_some() && matches!(arrival.part.shape, Shape::Surface(_));
         let (mirror_covered, through_covered) = (found && !from_water && self.mirrored, found && from_water);
+
+        let behind_sheets = matches!(arrival.part.material, Material::Sheet)
+            && (carrier.path.fresh && !from_water || carrier.path.behind_sheets);
         let asks = !self.interface.is_smooth();
         if asks {
-            self.ask_for_sun_image(arrival, normal, [mirror_covered, through_covered], both, scratch);
+            self.ask_for_sun_image(arrival, normal, [mirror_covered, through_covered || behind_sheets], both, scratch);
         }
-
         let asked = Asked { sun: asks, ..Asked::NONE };
         let state = |density: f32, covered: bool| PathState {
             from: contact.position,
@@ -49,6 +51,7 @@ impl World<'_> {
             asked,
             covered,
             fresh: false,
+            behind_sheets: false,
             ..carrier.path
         };
         let child = Carrier { depth: carrier.depth + 1, ..*carrier };
@@ -81,7 +84,7 @@ impl World<'_> {
                     in_water: !from_water,
                     within: arrival.beyond(),
                     notes_path: carrier.primary && !from_water,
-                    path: state(density, through_covered),
+                    path: PathState { behind_sheets, ..state(density, through_covered) },
                     ..child
                 };
                 scratch.counts.refraction += 1;

@@ -52,7 +52,9 @@ impl World<'_> {
                 * self.past_bubbles(carrier, asker.position, aim.direction, aim.reach, 1, scratch);
         }
         let light = self.clamped(&carrier.path, light, scratch);
-        let link = Link { light, layer: asker.layer, group: lamp.group, ..Link::new(carrier) };
+        // A ball's light is weighed against that of paths that meet it by chance, which sheets bend.
+        let through_sheets = lamp.radius == 0.0 && !carrier.in_water;
+        let link = Link { light, layer: asker.layer, group: lamp.group, through_sheets, ..Link::new(carrier) };
         self.push_link(asker.leave(aim.direction), aim.direction, aim.reach, link, scratch);
     }
 

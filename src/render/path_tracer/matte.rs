@@ -115,6 +115,7 @@ impl World<'_> {
             asked,
             fresh: true,
             covered: false,
+            behind_sheets: false,
             ..carrier.path
         };
         let tolerance = self.secondary_tolerance_at(carrier.distance);
@@ -139,7 +140,7 @@ impl World<'_> {
                 let value = cosine * FRAC_1_PI;
                 let light = carrier.throughput * radiance * (value / density * share(density, value));
                 let light = self.clamped(&carrier.path, light, scratch);
-                let link = Link { light, layer, group, ..Link::new(carrier) };
+                let link = Link { light, layer, group, through_sheets: group == SUN, ..Link::new(carrier) };
                 self.push_link(contact.leave(direction), direction, f32::INFINITY, link, scratch);
             }
         };

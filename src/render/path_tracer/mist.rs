@@ -56,7 +56,7 @@ impl World<'_> {
                 let value = value(to_light);
                 let light = carrier.throughput * radiance * (value / density * share(density, value));
                 let light = self.clamped(&carrier.path, light, scratch);
-                let link = Link { light, layer, group, ..Link::new(&carrier) };
+                let link = Link { light, layer, group, through_sheets: group == SUN, ..Link::new(&carrier) };
                 self.push_link(position, to_light, f32::INFINITY, link, scratch);
             }
         };
@@ -80,6 +80,7 @@ impl World<'_> {
             asked: Asked::ALL,
             fresh: true,
             covered: false,
+            behind_sheets: false,
             ..carrier.path
         };
         scratch.counts.scattered += 1;

@@ -147,7 +147,7 @@ impl World<'_> {
         let by_chance =
             if carrier.path.asked.sky { share(carrier.path.density, self.sky_density(direction)) } else { 1.0 };
         self.add_light(&carrier, layer, SKY, throughput * sky * by_chance, scratch);
-        if !carrier.path.covered && self.sun.contains(direction) {
+        if !carrier.path.covered && !carrier.path.behind_sheets && self.sun.contains(direction) {
             let by_chance = if carrier.path.asked.sun { share(carrier.path.density, self.sun.pdf()) } else { 1.0 };
             self.add_light(&carrier, layer, SUN, throughput * self.sun.disc_radiance * by_chance, scratch);
         }

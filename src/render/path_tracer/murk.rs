@@ -89,6 +89,7 @@ impl World<'_> {
             asked: Asked { lamps: true, ..Asked::NONE },
             fresh: true,
             covered: false,
+            behind_sheets: false,
             ..carrier.path
         };
         scratch.counts.scattered += 1;

@@ -316,3 +316,35 @@ fn water_inside_of_water_has_no_border() {
         }
     }
 }
+
+#[test]
+fn the_sun_shines_straight_through_sheets_for_both_integrators() {
+    use crate::scene::Integrator;
+    let cosine = 60.0_f64.to_radians().sin() as f32;
+    let crossing = 1.0 - fresnel::reflectance_exact(cosine, 1.0, 1.333);
+    let sheet = |low: f32, high: f32| mesh(cuboid(Vec3::new(-500.0, low, -500.0), Vec3::new(500.0, high, 500.0)));
+    for integrator in [Integrator::Whitted, Integrator::Path] {
+        let mut scene = uniform(0.0, 16);
+        scene.render.integrator = integrator;
+        scene.render.samples = 64;
+        scene.camera.fov = 30.0;
+        scene.water.absorption = [0.4, 0.2, 0.1];
+        scene.sun = crate::scene::Sun { elevation: 60.0, azimuth: 180.0, irradiance: 2.0, color: Some([1.0; 3]) };
+        // The eye is between the ground and the sheet, so that no border is on its own way.
+        let parts = vec![
+            part("sheet", Material::Sheet, sheet(3.0, 3.5)),
+            part("terrain", Material::Ground, mesh(level(0.0, 500.0))),
+        ];
+        let mut setup = Setup::new(scene, parts, [0.0, 2.0, 3.0], [0.0; 3]);
+        setup.matter = Flat { bed: Some(0.0), albedo: Vec3::splat(0.5), ..Flat::default() };
+        let (picture, _) = setup.render();
+        let absorbed = [0.4, 0.2, 0.1].map(|absorption: f32| (-absorption * 0.5 / cosine).exp());
+        for (channel, absorbed) in ["R", "G", "B"].into_iter().zip(absorbed) {
+            let expected = 0.5 * std::f32::consts::FRAC_1_PI * 2.0 * cosine * crossing * crossing * absorbed;
+            let seen = mean(&picture, channel) as f32;
+            // Paths also bring what the lit ground sends up and the sheet mirrors back: within a tenth and a bit.
+            let most = if integrator == Integrator::Path { 1.15 } else { 1.002 };
+            assert!(seen > 0.998 * expected && seen < most * expected, "{integrator:?} {channel}: {seen} {expected}");
+        }
+    }
+}
