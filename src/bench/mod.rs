@@ -17,6 +17,7 @@ mod rivals;
 pub mod rows;
 pub mod sheet;
 pub mod sim;
+pub mod spray;
 pub mod surface;
 pub mod threads;
 pub mod tracer;

@@ -339,6 +339,8 @@ pub enum Benchmark {
     Sim,
     /// Error against time of light: caustics, integrators, samplers
     Light,
+    /// Whole frames by every representation of spray, and what a million particles take to build
+    Spray,
 }
 
 /// `whitewater bench`.

@@ -47,6 +47,7 @@ pub fn run(arguments: &BenchArgs) -> Result<Outcome, CliError> {
         Benchmark::Leaks => bench::leaks::run(&settings, &mut out),
         Benchmark::Sim => bench::sim::run(&settings, &mut out),
         Benchmark::Light => bench::light::run(&settings, &mut out),
+        Benchmark::Spray => bench::spray::run(&settings, &mut out),
     };
     match result {
         Err(BenchError::Print(error)) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(Outcome::Done),
@@ -58,12 +59,12 @@ pub fn run(arguments: &BenchArgs) -> Result<Outcome, CliError> {
 
 /// Refuses options that the benchmark has no use for.
 fn refuse(arguments: &BenchArgs) -> Result<(), CliError> {
-    use Benchmark::{Extremes, Leaks, Light, Particles, Report, Surface, Threads, Trade};
+    use Benchmark::{Extremes, Leaks, Light, Particles, Report, Spray, Surface, Threads, Trade};
     let options: [(&str, bool, &[Benchmark]); 4] = [
         ("--plot", arguments.plot.is_some(), &[Surface, Particles, Trade, Extremes, Light]),
         ("--rays", arguments.rays.is_some(), &[Surface, Particles, Trade, Report, Extremes, Threads, Leaks, Light]),
         ("--audit", arguments.audit.is_some(), &[Surface, Particles, Trade, Extremes]),
-        ("--particles", !arguments.particles.is_empty(), &[Particles, Report]),
+        ("--particles", !arguments.particles.is_empty(), &[Particles, Report, Spray]),
     ];
     for (option, given, takers) in options {
         if given && !takers.contains(&arguments.what) {
@@ -81,7 +82,7 @@ fn refuse(arguments: &BenchArgs) -> Result<(), CliError> {
 /// Threads where none are named: rays are compared thread by thread; what simulates, leaks, scales or is lit has all processors.
 fn threads(what: Benchmark) -> Option<NonZeroUsize> {
     match what {
-        Benchmark::Sim | Benchmark::Leaks | Benchmark::Threads | Benchmark::Light => {
+        Benchmark::Sim | Benchmark::Leaks | Benchmark::Threads | Benchmark::Light | Benchmark::Spray => {
             std::thread::available_parallelism().ok()
         }
         _ => None,
@@ -101,7 +102,7 @@ fn by_default(what: Benchmark, quick: bool) -> Vec<[usize; 2]> {
         Benchmark::Trade if quick => vec![[64, 64]],
         Benchmark::Trade => vec![[160, 160]],
         Benchmark::Extremes => vec![[64, 64]],
-        Benchmark::Particles | Benchmark::Threads => vec![[400, 400]],
+        Benchmark::Particles | Benchmark::Threads | Benchmark::Spray => vec![[400, 400]],
         Benchmark::Leaks => vec![[64, 64]],
     }
 }
