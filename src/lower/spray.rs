@@ -34,7 +34,7 @@ pub fn class_counts(scene: &Scene, frame: &Frame, simd: SimdLevel) -> Result<[f6
     let origin = scene_origin(&frame.columns);
     let lattice = control::water(&frame.columns, &scene.surface, origin.to_array())?;
     let water = lattice.map(|lattice| SplineSurface::new(lattice, scene.surface.solver, simd));
-    let spray = Spray::build(&frame.particles, &scene.particles, origin);
+    let spray = Spray::build_at(frame.time, &frame.particles, &scene.particles, origin);
     let mut counts = [0.0; 5];
     for shares in judged(scene, &spray, water.as_ref()) {
         for (count, share) in counts.iter_mut().zip(shares) {
@@ -131,7 +131,7 @@ pub(super) fn parts(
         // Air in water stays bright: a bubble is no drop.
         let water = settings.matter == DropMatter::Water && class != Class::Bubble;
         let spray_material = Material::Spray { first: range.start as u32 };
-        let (center, radius) = (spray.position[range.clone()].to_vec(), spray.radius[range.clone()].to_vec());
+        let (center, radius) = (spray.position[range.clone()].to_vec(), spray.drawn_radius(range.clone()));
         let (material, shape) = match (drawn_as(class), eye) {
             (ParticleRepresentation::Billboards, Some((eye, _))) => {
                 let normal = particles::facing(&spray.part(range), eye.as_vec3()).normal;

@@ -41,6 +41,16 @@ impl Class {
             Self::Bubble => "bubbles",
         }
     }
+
+    /// Whether a particle of such a share in the class is drawn in it.
+    pub fn holds(self, share: f32) -> bool {
+        match self {
+            Self::Mist => false,
+            // There are no halves of a surface; what a particle is besides still fades.
+            Self::Sheet => share >= 0.5,
+            Self::Drop | Self::Streak | Self::Bubble => share > 0.0,
+        }
+    }
 }
 
 /// Share of a particle in each class, in the order of [`Class::ALL`]; they add up to 1.
