@@ -82,7 +82,8 @@ impl<'a> Account<'a> {
         } else {
             0
         };
-        let fixed = PROGRAM + columns * (COLUMN + CELL * cells) * moments + pixels * PIXEL + count * READ * states + judged;
+        let fixed =
+            PROGRAM + columns * (COLUMN + CELL * cells) * moments + pixels * PIXEL + count * READ * states + judged;
         Self { scene, fixed, moments }
     }
 

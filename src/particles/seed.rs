@@ -127,8 +127,7 @@ mod tests {
         // Numbers in a row are spread evenly: of ten parts each has its tenth.
         for purpose in [Purpose::Size, Purpose::Detail] {
             for part in 0..10 {
-                let within =
-                    |seed: &&u32| (uniform(**seed, purpose) * 10.0) as u32 == part;
+                let within = |seed: &&u32| (uniform(**seed, purpose) * 10.0) as u32 == part;
                 let count = before.iter().filter(within).count();
                 assert!((70..130).contains(&count), "{purpose:?}: {count} of 1000 in part {part}");
             }

@@ -92,8 +92,10 @@ impl Spray {
     fn join_coincident(&mut self) {
         let bits = |vector: Vec3| vector.to_array().map(f32::to_bits);
         let hash = |index: usize| {
-            let [x, y, z] = bits(self.position[index]).map(u64::from);
-            (scramble(scramble(x | y << 32) ^ z | u64::from(self.radius[index].to_bits()) << 32), index as u32)
+            let ([x, y, z], [u, v, w]) = (bits(self.position[index]), bits(self.velocity[index]));
+            let pairs = [[x, y], [z, u], [v, w], [self.radius[index].to_bits(), 0]];
+            let word = |[low, high]: [u32; 2]| u64::from(low) | u64::from(high) << 32;
+            (pairs.into_iter().fold(0, |hash, pair| scramble(hash ^ word(pair))), index as u32)
         };
         let mut by_place: Vec<(u64, u32)> = (0..self.len()).into_par_iter().map(hash).collect();
         by_place.par_sort_unstable();
