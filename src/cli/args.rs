@@ -33,7 +33,7 @@ pub struct Cli {
 #[derive(Clone, Debug, Subcommand)]
 pub enum Command {
     /// Render frames of a scene to EXR, PNG, JPEG or BMP
-    Render(RenderArgs),
+    Render(Box<RenderArgs>),
     /// Make the frames of a scene: simulate its water
     Simulate(SimulateArgs),
     /// Show what simulation files hold
@@ -441,7 +441,7 @@ mod tests {
     fn render(arguments: &[&str]) -> Result<RenderArgs, String> {
         let arguments = ["whitewater", "render", "scene.toml"].iter().chain(arguments);
         match Cli::try_parse_from(arguments).map_err(|error| error.to_string())?.command {
-            Command::Render(arguments) => Ok(arguments),
+            Command::Render(arguments) => Ok(*arguments),
             other => Err(format!("{other:?}")),
         }
     }

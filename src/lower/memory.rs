@@ -35,8 +35,9 @@ const DISC: u64 = 170;
 /// As a streak of two ends and radii, which the tree holds in several boxes.
 const STREAK: u64 = 300;
 
-/// A particle in a sheet: densities, the grid's cells around it, and its share of the triangles.
-const JOINED: u64 = 1200;
+/// A particle in a sheet: densities, the grid's cells around it, and its share of the triangles; of drops apart, each with a surface of
+/// its own, which is the most.
+const JOINED: u64 = 10_000;
 
 /// A particle in the mist besides the grid: place, velocity, mass, and its cloud while they are sorted.
 const CLOUD: u64 = 150;
