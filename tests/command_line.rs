@@ -58,6 +58,7 @@ fn help_names_every_command_and_shows_examples() {
         "--frames",
         "--threads",
         "--crop",
+        "--memory",
         "--stats",
         "--reproducible",
         "--simd",
@@ -169,4 +170,62 @@ fn a_reader_that_has_gone_is_no_error() {
     }
     let status = command(&["render", "nowhere.toml"]).stderr(closed()).status().expect("the program starts");
     assert_eq!(status.code(), Some(2), "an error keeps its code even if nobody reads it");
+}
+
+#[test]
+fn memory_thins_the_spray_until_it_fits_and_refuses_what_cannot() {
+    use whitewater::state::{Columns, Encoding, Frame, Particles, save_frame};
+    let (folder, path) = scene(
+        "[frames]\nfiles = 'time###.npz'\n[camera]\neye = [4.0, 4.0, 12.0]\nlook_at = [1.0, 1.0, 1.0]\n[render]\nwidth = 16\n\
+         height = 9\nsamples = 1\n[particles]\nleast_pixels = 0.0\n",
+    );
+    let columns = Columns {
+        origin: [0.0; 2],
+        width: [0.5; 2],
+        nx: 6,
+        nz: 6,
+        base: vec![0.0; 36],
+        top: vec![1.0; 36],
+        pressure: vec![0.0; 36],
+        flow: vec![[0.0; 2]; 36],
+    };
+    let count = 200_000;
+    let place = |k: u32| [k % 50, k / 50 % 50, k / 2500].map(|step| f64::from(step) * 0.04 + 1.5);
+    let particles = Particles {
+        position: (0..count).map(place).collect(),
+        velocity: vec![[0.0; 3]; count as usize],
+        mass: vec![1e-6; count as usize],
+        age: vec![0.1; count as usize],
+        id: None,
+    };
+    let frame = Frame { columns, particles, ..Frame::default() };
+    save_frame(&frame, folder.path().join("time000.npz"), Encoding::Npz).expect("written");
+    let at = |name: &str| folder.path().join(name).to_str().expect("a path").to_owned();
+    let render = |more: &[&str]| {
+        let (picture, stats) = (at("out.exr"), at("stats.json"));
+        let arguments = ["render", path.to_str().expect("a path"), "-o", &picture, "--stats", &stats];
+        whitewater(&[&arguments[..], more].concat())
+    };
+    let drawn = || {
+        let stats = std::fs::read_to_string(at("stats.json")).expect("statistics");
+        let stats: serde_json::Value = serde_json::from_str(&stats).expect("JSON");
+        let particles = &stats["frames"][0]["particles"];
+        [particles["found"].as_u64(), particles["drawn"].as_u64()].map(Option::unwrap_or_default)
+    };
+    let plenty = render(&["--memory", "8G"]);
+    assert_eq!((plenty.status.code(), drawn()), (Some(0), [200_000; 2]), "{}", complaint(&plenty));
+    let little = render(&["--memory", "180M"]);
+    assert_eq!(little.status.code(), Some(0), "{}", complaint(&little));
+    let [found, left] = drawn();
+    assert!(found == 200_000 && (10_000..60_000).contains(&left), "{left}");
+    let told = complaint(&little);
+    assert!(told.contains("--memory 180 MB: 200000 particles would take 18 MB"), "{told}");
+    assert!(told.contains(&format!("drew {left} of them, each wider")), "{told}");
+    let errors = refused(&render(&["--memory", "100M"]));
+    assert!(errors[0].contains("--memory") && errors[0].contains("100 MB"), "{errors:?}");
+    for nonsense in ["0", "-1G", "plenty", "8X"] {
+        let output = render(&[&format!("--memory={nonsense}")]);
+        assert_eq!(output.status.code(), Some(2), "{nonsense}");
+        assert!(complaint(&output).contains("512M or 8G"), "{}", complaint(&output));
+    }
 }

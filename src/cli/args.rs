@@ -8,7 +8,7 @@ use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::errors::CliError;
-use super::values::{Accuracy, Crop, FrameSelection, GridSize};
+use super::values::{Accuracy, Bytes, Crop, FrameSelection, GridSize};
 use crate::scene::{Override, Surface, names_of};
 use crate::simd::SimdLevel;
 
@@ -33,7 +33,7 @@ pub struct Cli {
 #[derive(Clone, Debug, Subcommand)]
 pub enum Command {
     /// Render frames of a scene to EXR, PNG, JPEG or BMP
-    Render(RenderArgs),
+    Render(Box<RenderArgs>),
     /// Make the frames of a scene: simulate its water
     Simulate(SimulateArgs),
     /// Show what simulation files hold
@@ -117,6 +117,9 @@ pub struct RenderArgs {
     /// Threads [default: all processors]
     #[arg(long, value_name = "N", value_parser = threads)]
     pub threads: Option<NonZeroUsize>,
+    /// Draw fewer particles, each wider, until a picture is estimated to fit in so many bytes: 512M, 8G (powers of 1000)
+    #[arg(long, value_name = "BYTES")]
+    pub memory: Option<Bytes>,
     /// Render a part: pixels from the upper left, X1 and Y1 exclusive
     #[arg(long, value_name = "X0,Y0,X1,Y1")]
     pub crop: Option<Crop>,
@@ -440,7 +443,7 @@ mod tests {
     fn render(arguments: &[&str]) -> Result<RenderArgs, String> {
         let arguments = ["whitewater", "render", "scene.toml"].iter().chain(arguments);
         match Cli::try_parse_from(arguments).map_err(|error| error.to_string())?.command {
-            Command::Render(arguments) => Ok(arguments),
+            Command::Render(arguments) => Ok(*arguments),
             other => Err(format!("{other:?}")),
         }
     }
@@ -502,6 +505,7 @@ mod tests {
             (&["--frames", "5-1"][..], "1-5 instead of 5-1"),
             (&["--crop", "1,2,3"], "X0,Y0,X1,Y1"),
             (&["--threads", "0"], "from 1 to 4096"),
+            (&["--memory", "lots"], "512M or 8G"),
             (&["--solver", "newtn"], "'newton'"),
             (&["--accel", "bvh"], "[possible values: embree, stream, report, brute]"),
             (&["--accuracy", "3"], "0.05px or 1e-4m"),

@@ -8,9 +8,10 @@ use anyhow::Context;
 use super::errors::CliError;
 use super::load;
 use super::render::MatterOfFrame;
+use super::values::Bytes;
 use crate::accel::{self, Accelerator};
 use crate::foam::FoamState;
-use crate::lower::{self, Environment, LoweredFrame, View};
+use crate::lower::{self, Environment, LoweredFrame, Thinning, View};
 use crate::render::{Camera, CameraPath};
 use crate::scene::{self, LoadedScene};
 use crate::simd::SimdLevel;
@@ -58,7 +59,8 @@ pub(super) fn states(loaded: &LoadedScene, frames: &FrameSequence, number: i64) 
         tracing::warn!("frame {number} is followed by none: its water stands still while the shutter is open");
         let carried_on = |time| {
             let particles = state::carried_on(&now.particles, time, fps)?;
-            Ok((time, Frame { particles, ..now.clone() }))
+            // The time goes on with the particles' ages: when each broke free stays the same.
+            Ok((time, Frame { time: now.time + time / fps, particles, ..now.clone() }))
         };
         let states: Result<Vec<_>, state::StateError> = times.into_iter().map(carried_on).collect();
         return Ok(states.map_err(anyhow::Error::from)?);
@@ -85,6 +87,7 @@ impl MomentOfFrame {
         environment: &Environment,
         path: &CameraPath,
         simd: SimdLevel,
+        budget: Option<u64>,
     ) -> Result<Vec<Self>, CliError> {
         let size = (settings.render.width, settings.render.height);
         let Some((_, first)) = states.first() else { return Ok(Vec::new()) };
@@ -93,13 +96,35 @@ impl MomentOfFrame {
         let moment = |(time, state): &(f64, Frame)| {
             let camera = Camera::new(path.pose(number as f64 + time), size, settings.camera.f_number);
             let view = View { eye: camera.pose.eye, pixel_angle: camera.pixel_angle() };
-            let lowered = lower::lower_around(origin, settings, state, environment, Some(view), simd)
+            let lowered = lower::lower_within(budget, origin, settings, state, environment, Some(view), simd)
                 .map_err(anyhow::Error::from)?;
             let accelerator = accel::build(&lowered.lowered, &settings.accel, simd).map_err(anyhow::Error::from)?;
             let matter = MatterOfFrame::new(settings, state, &lowered, foam);
             Ok(Self { time: *time, lowered, accelerator, matter })
         };
-        states.iter().map(moment).collect()
+        let moments: Result<Vec<Self>, CliError> = states.iter().map(moment).collect();
+        if let Ok([first, ..]) = moments.as_deref() {
+            tell(&first.lowered.thinning, settings);
+        }
+        moments
+    }
+}
+
+/// Says what was thinned: a warning where memory was the reason.
+fn tell(thinning: &Thinning, settings: &scene::Scene) {
+    let Thinning { found, drawn, least_pixels, over_budget } = *thinning;
+    if let Some([budget, all]) = over_budget {
+        tracing::warn!(
+            "--memory {}: {found} particles would take {} more than all else leaves; drew {drawn} of them, each wider \
+             (those under {least_pixels:.3} pixels of radius)",
+            Bytes(budget),
+            Bytes(all),
+        );
+    } else if drawn < found {
+        tracing::info!(
+            "drew {drawn} of {found} particles, those under {} pixels of radius (particles.least_pixels) wider for all",
+            settings.particles.least_pixels
+        );
     }
 }
 
@@ -151,8 +176,10 @@ mod tests {
         for (time, state) in states(&loaded, &frames, 0).unwrap() {
             let expected = now.columns.top[column] + time * (next.columns.top[column] - now.columns.top[column]);
             assert!((state.columns.top[column] - expected).abs() < 1e-12, "{time}");
-            assert_eq!(state.particles.position.len(), now.particles.position.len());
-            for (index, position) in state.particles.position.iter().enumerate() {
+            // Those of the frame come first; who breaks free on the way stands behind them.
+            let count = now.particles.position.len();
+            assert!(state.particles.position.len() >= count);
+            for (index, position) in state.particles.position.iter().enumerate().take(count) {
                 for axis in 0..3 {
                     let way = now.particles.velocity[index][axis] * time / loaded.scene.frames.fps;
                     assert!((position[axis] - now.particles.position[index][axis] - way).abs() < 1e-12);
@@ -187,7 +214,7 @@ mod tests {
         let states = [(0.0, first.clone()), (0.5, risen)];
         let settings = &loaded.scene;
         let build = |states: &[_]| {
-            MomentOfFrame::build_all(states, None, 0, settings, &environment, &path, SimdLevel::Portable).unwrap()
+            MomentOfFrame::build_all(states, None, 0, settings, &environment, &path, SimdLevel::Portable, None).unwrap()
         };
         let moments = build(&states);
         assert_eq!(moments[0].lowered.lowered.origin, moments[1].lowered.lowered.origin);

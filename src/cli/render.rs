@@ -15,6 +15,7 @@ use super::moments::{self, MomentOfFrame};
 use super::progress::Progress;
 use super::signals::StopFlag;
 use super::stats::{FrameStats, RunStats, part_names};
+use super::values::Bytes;
 use crate::denoise::Denoiser;
 use crate::foam::{FoamField, FoamState};
 use crate::lower::{self, Environment, LoweredFrame};
@@ -222,8 +223,17 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
     let clock = Instant::now();
     // One frame's foam for all moments of its shutter: it moves by less than its own detail.
     let foam = foam::of_frame(&run.loaded, &run.frames, number, &states[0].1)?;
-    let moments =
-        MomentOfFrame::build_all(&states, foam.as_ref(), number, settings, &run.environment, &run.path, run.simd)?;
+    let budget = run.arguments.memory.map(|Bytes(bytes)| bytes);
+    let moments = MomentOfFrame::build_all(
+        &states,
+        foam.as_ref(),
+        number,
+        settings,
+        &run.environment,
+        &run.path,
+        run.simd,
+        budget,
+    )?;
     drop(states);
     let first = moments.first().context("a frame has a moment")?;
     let build_s = clock.elapsed().as_secs_f64();
@@ -269,6 +279,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         accelerator: first.accelerator.stats(),
         audit: first.accelerator.audit(),
         particles_left_out: first.lowered.particles_left_out(),
+        particles: first.lowered.thinning,
         render,
         files,
     })

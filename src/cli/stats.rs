@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::errors::CliError;
 use crate::accel::AccelStats;
 use crate::denoise::DenoiseReport;
-use crate::lower::Lowered;
+use crate::lower::{Lowered, Thinning};
 use crate::output::WriteReport;
 use crate::render::{RayCounts, RenderStats};
 use crate::surface::SolveCounts;
@@ -40,6 +40,8 @@ pub struct FrameStats {
     pub files: Vec<WriteReport>,
     /// Particles left out: no size, or out of single precision's range.
     pub particles_left_out: u64,
+    /// How many are drawn for how many.
+    pub particles: Thinning,
 }
 
 /// A whole run.

@@ -172,6 +172,43 @@ impl FromStr for Accuracy {
     }
 }
 
+/// Memory: `512M`, `8G`, in powers of 1000.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bytes(pub u64);
+
+/// The units, each a thousand of the one before.
+const UNITS: [&str; 5] = ["", "K", "M", "G", "T"];
+
+impl FromStr for Bytes {
+    type Err = Malformed;
+
+    fn from_str(text: &str) -> Result<Self, Malformed> {
+        let word = text.trim();
+        let word = word.strip_suffix(['B', 'b']).unwrap_or(word);
+        let unit = (1..UNITS.len()).find(|&unit| word.to_ascii_uppercase().ends_with(UNITS[unit]));
+        let (digits, unit) = unit.map_or((word, 0), |unit| (&word[..word.len() - 1], unit));
+        // Digits and one point alone: `1e9G` and `infG` are no sizes that anybody means.
+        let plain = digits.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
+        let number: Option<f64> = digits.parse().ok().filter(|_| plain);
+        let bytes = number.map(|number| number * 1000f64.powi(unit as i32));
+        match bytes {
+            // Under 2^63, which no machine has, and at least one.
+            Some(bytes) if (1.0..9e18).contains(&bytes) => Ok(Self(bytes as u64)),
+            _ => Err(malformed("an amount of memory above 0 with its unit, K, M, G or T, as 512M or 8G")),
+        }
+    }
+}
+
+impl std::fmt::Display for Bytes {
+    fn fmt(&self, out: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let unit = (0..UNITS.len() - 1).rev().find(|&unit| self.0 >= 1000u64.pow(unit as u32)).unwrap_or(0);
+        let number = self.0 as f64 / 1000f64.powi(unit as i32);
+        // Three digits, without zeros that say nothing.
+        let text = format!("{:.*}", if number < 10.0 { 2 } else { 1 }, number);
+        write!(out, "{} {}B", text.trim_end_matches('0').trim_end_matches('.'), UNITS[unit])
+    }
+}
+
 /// A grid's size: `400x400`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GridSize {
@@ -240,6 +277,26 @@ mod tests {
         for text in ["", "1", "px", "m", "nanpx", "infm", "1 cm"] {
             assert!(text.parse::<Accuracy>().is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn memory_has_a_unit_and_is_some() {
+        for (text, bytes) in [
+            ("8G", 8_000_000_000),
+            ("512M", 512_000_000),
+            ("1.5gb", 1_500_000_000),
+            ("2T", 2_000_000_000_000),
+            ("64", 64),
+        ] {
+            assert_eq!(text.parse(), Ok(Bytes(bytes)));
+        }
+        for text in
+            ["", "G", "0", "0G", "-1G", "nanG", "infG", "1e30", "8X", "8 apples", "1e3G", "99999999999999T", "8Gi"]
+        {
+            assert!(text.parse::<Bytes>().is_err_and(|error| error.expected.contains("512M")), "{text}");
+        }
+        let shown = [999, 1500, 8_000_000_000, 123_456_789].map(|bytes| Bytes(bytes).to_string());
+        assert_eq!(shown, ["999 B", "1.5 KB", "8 GB", "123.5 MB"]);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::{Lowered, Material, Part, Shape, Spheres, Triangles, spray};
+use super::{Lowered, Material, Part, Shape, Spheres, Thinning, Triangles, spray};
 use crate::mist::{Mist, MistError};
 use crate::particles::{self, Spray};
 use crate::scene::{Representation, Scene};
@@ -42,6 +42,19 @@ pub enum LowerError {
     /// The mist takes too much memory, or no light gets into it.
     #[error(transparent)]
     Mist(#[from] MistError),
+    /// What cannot be thinned does not fit.
+    #[error(
+        "--memory: water, terrain, picture and what cannot be thinned of the spray take at least {} MB; expected at most \
+         {} MB",
+        needed.div_ceil(1_000_000),
+        budget / 1_000_000
+    )]
+    Memory {
+        /// Bytes that may be taken.
+        budget: u64,
+        /// Bytes that are needed at least.
+        needed: u64,
+    },
     /// Something lies too far from the scene origin for single precision.
     #[error("{name} reaches {distance:e} m from the middle of the columns; expected less than 1e15 m")]
     TooFar {
@@ -110,6 +123,8 @@ pub struct LoweredFrame {
     pub spray: Arc<Spray>,
     /// The spray that is a medium in the air; `None` unless the scene asks for it.
     pub mist: Option<Arc<Mist>>,
+    /// How many particles are drawn for how many.
+    pub thinning: Thinning,
 }
 
 impl LoweredFrame {
@@ -158,6 +173,22 @@ pub fn lower(
 /// # Errors
 /// See [`LowerError`].
 pub fn lower_around(
+    origin: DVec3,
+    scene: &Scene,
+    frame: &Frame,
+    environment: &Environment,
+    view: Option<View>,
+    simd: SimdLevel,
+) -> Result<LoweredFrame, LowerError> {
+    lower_within(None, origin, scene, frame, environment, view, simd)
+}
+
+/// As [`lower_around`], with spray thinned until all moments of the picture are estimated to take no more than `budget` bytes.
+///
+/// # Errors
+/// See [`LowerError`].
+pub fn lower_within(
+    budget: Option<u64>,
     origin: DVec3,
     scene: &Scene,
     frame: &Frame,
@@ -214,8 +245,8 @@ pub fn lower_around(
             add(TERRAIN_SIDES, Material::Ground, Shape::Sides(Arc::new(Sides::of_ground(Arc::clone(bed)))));
         }
     }
-    let (mut spray, mist) = spray::gather(scene, frame, origin, water.as_deref())?;
     let eye = view.map(|view| (view.eye - origin, view.pixel_angle));
+    let (mut spray, mist, thinning) = spray::gather(scene, frame, origin, water.as_deref(), eye, budget)?;
     spray::parts(scene, &mut spray, eye, water.as_deref(), &mut add)?;
     let spray = Arc::new(spray);
     for (index, sphere) in environment.spheres.iter().enumerate() {
@@ -240,7 +271,7 @@ pub fn lower_around(
         };
         add(name, material, Shape::Triangles(Arc::new(shape)));
     }
-    Ok(LoweredFrame { lowered: Lowered { origin, parts }, water, bed, spray, mist })
+    Ok(LoweredFrame { lowered: Lowered { origin, parts }, water, bed, spray, mist, thinning })
 }
 
 fn triangles(mesh: SurfaceMesh) -> Triangles {
@@ -350,7 +381,8 @@ mod tests {
         assert!((length(&lower(&scene, None).unwrap()) - 10.0 / 24.0 / 8.0).abs() < 1e-5);
         scene.particles.streak = Some(0.1);
         assert!((length(&lower(&scene, None).unwrap()) - 1.0).abs() < 1e-5);
-        // From far away it is wider than its water, and lets as much light through.
+        // From far away it is wider than its water, and lets as much light through; alone it stands for nobody else.
+        scene.particles.least_pixels = 0.0;
         let view = View { eye: DVec3::new(1e6, 1000.0, 1e6), pixel_angle: 1e-3 };
         let far = lower(&scene, Some(view)).unwrap();
         let opacity = |lowered: &LoweredFrame| lowered.spray.appearance(0).opacity;

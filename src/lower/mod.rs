@@ -1,13 +1,15 @@
 //! Scene and state → backend-neutral parts around a scene origin: the last place where anything is double precision.
 
 mod frame;
+mod memory;
 mod spray;
 
 pub use frame::{
-    Environment, LowerError, LoweredFrame, TERRAIN_SIDES, View, lower, lower_around, points_to_frame, scene_origin,
+    Environment, LowerError, LoweredFrame, TERRAIN_SIDES, View, lower, lower_around, lower_within, points_to_frame,
+    scene_origin,
 };
 
-pub use spray::class_counts;
+pub use spray::{Thinning, class_counts};
 
 use std::sync::Arc;
 

@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
+use super::memory::{Account, Counts};
 use super::{Curves, Discs, LowerError, Material, Shape, Spheres, Triangles, scene_origin};
-use crate::mist::{Mist, MistSettings};
-use crate::particles::{self, Class, Judged, Shares, Spray};
+use crate::mist::{self, Droplets, Mist, MistSettings};
+use crate::particles::{self, Class, Judged, Shares, Sight, Spray};
 use crate::scene::{DropMatter, ParticleRepresentation, Scene};
 use crate::simd::SimdLevel;
-use crate::state::Frame;
+use crate::state::{Frame, Particles};
 use crate::surface::{SplineSurface, control};
 
 /// Metres that a place lies under the water's surface; negative above it and where there is none.
@@ -34,7 +35,7 @@ pub fn class_counts(scene: &Scene, frame: &Frame, simd: SimdLevel) -> Result<[f6
     let origin = scene_origin(&frame.columns);
     let lattice = control::water(&frame.columns, &scene.surface, origin.to_array())?;
     let water = lattice.map(|lattice| SplineSurface::new(lattice, scene.surface.solver, simd));
-    let spray = Spray::build(&frame.particles, &scene.particles, origin);
+    let spray = Spray::build_at(frame.time, &frame.particles, &scene.particles, origin);
     let mut counts = [0.0; 5];
     for shares in judged(scene, &spray, water.as_ref()) {
         for (count, share) in counts.iter_mut().zip(shares) {
@@ -44,46 +45,135 @@ pub fn class_counts(scene: &Scene, frame: &Frame, simd: SimdLevel) -> Result<[f6
     Ok(counts)
 }
 
+/// How many particles are drawn for how many, where those under a pixel's part or a budget of memory are thinned.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Thinning {
+    /// Drops, streaks and bubbles there are; what is of two classes counts twice.
+    pub found: u64,
+    /// Those that are drawn; each stands for the others as well.
+    pub drawn: u64,
+    /// Radius (pixels) under which they were thinned.
+    pub least_pixels: f64,
+    /// Bytes that the budget allows, and that all of them were estimated to take, where that is more than fits.
+    pub over_budget: Option<[u64; 2]>,
+}
+
+/// What was gathered of a frame's particles: those that are drawn one by one, the others' mist, and how many were thinned.
+type Gathered = (Spray, Option<Arc<Mist>>, Thinning);
+
 /// The particles that are drawn, sorted by class where the scene leaves the choice to them, and the mist that the others
-/// are.
+/// are; thinned as far as they are small from where they are seen, or as a budget (bytes) asks for.
 pub(super) fn gather(
     scene: &Scene,
     frame: &Frame,
     origin: DVec3,
     water: Option<&SplineSurface>,
-) -> Result<(Spray, Option<Arc<Mist>>), LowerError> {
+    sight: Option<Sight>,
+    budget: Option<u64>,
+) -> Result<Gathered, LowerError> {
     let settings = &scene.particles;
+    let account = Account::new(scene, frame);
+    let mist_budget = |misty: usize| match budget {
+        Some(budget) => Ok(account.left_for_mist(budget, misty)?.min(mist::BUDGET)),
+        None => Ok::<u64, LowerError>(mist::BUDGET),
+    };
     let mut cloud = MistSettings::from_scene(settings);
     match settings.representation {
-        ParticleRepresentation::None => return Ok((Spray::default(), None)),
+        ParticleRepresentation::None => {
+            mist_budget(0)?;
+            return Ok((Spray::default(), None, Thinning::default()));
+        }
         ParticleRepresentation::Mist => {
-            let particles = &frame.particles;
-            let fine: Vec<f64> = particles.mass.iter().map(|mass| mass * settings.mist_share).collect();
-            let mist = Mist::build(&particles.position, &fine, &cloud, origin)?;
-            return Ok((Spray::default(), Some(Arc::new(mist))));
+            let Particles { position, velocity, mass, .. } = &frame.particles;
+            let mass: Vec<f64> = mass.iter().map(|mass| mass * settings.mist_share).collect();
+            let droplets = Droplets { position, velocity, mass: &mass };
+            let mist = Mist::build_within(&droplets, &cloud, origin, mist_budget(mass.len())?)?;
+            return Ok((Spray::default(), Some(Arc::new(mist)), Thinning::default()));
         }
         _ => {}
     }
-    let spray = Spray::build(&frame.particles, settings, origin);
+    mist_budget(0)?;
+    let mut spray = Spray::build_at(frame.time, &frame.particles, settings, origin);
+    if settings.representation == ParticleRepresentation::Surface {
+        if let Some(budget) = budget {
+            account.most(budget, &Counts { joined: spray.len(), ..Counts::default() })?;
+        }
+        return Ok((spray, None, Thinning::default()));
+    }
     if settings.representation != ParticleRepresentation::Auto {
-        return Ok((spray, None));
+        let streaks = settings.representation == ParticleRepresentation::Streamlines;
+        let counts = Counts { drawn: spray.len(), streaks, ..Counts::default() };
+        let (least, over_budget) = least_pixels(&account, &spray, settings, sight, budget, &counts, |_| 1)?;
+        if let Some(sight) = sight.filter(|_| least > 0.0) {
+            spray.thin(particles::covers(&spray, sight, least));
+        }
+        let thinning =
+            Thinning { found: counts.drawn as u64, drawn: spray.len() as u64, least_pixels: least, over_budget };
+        return Ok((spray, None, thinning));
     }
     let shares = judged(scene, &spray, water);
     // What is too small to be told apart stops as much light as its own drops would: water in finer ones counts for more.
     let fine = settings.classes.atomised;
-    let (mut place, mut mass) = (Vec::new(), Vec::new());
+    let (mut position, mut velocity, mut mass) = (Vec::new(), Vec::new(), Vec::new());
     for (index, shares) in shares.iter().enumerate() {
         let (share, radius) = (f64::from(shares[Class::Mist as usize]), f64::from(spray.radius[index]));
         if share > 0.0 {
-            place.push((origin + spray.position[index].as_dvec3()).to_array());
+            position.push((origin + spray.position[index].as_dvec3()).to_array());
+            velocity.push(spray.velocity[index].as_dvec3().to_array());
             let own = settings.droplet_radius / radius;
             mass.push(share * particles::mass(radius) * (fine + (1.0 - fine) * own));
         }
     }
     // Radii have the scene's scale already.
     cloud.scale = 1.0;
-    let mist = if place.is_empty() { None } else { Some(Arc::new(Mist::build(&place, &mass, &cloud, origin)?)) };
-    Ok((spray.sorted(&shares), mist))
+    let misty = mass.len();
+    let droplets = Droplets { position: &position, velocity: &velocity, mass: &mass };
+    let mist = match misty {
+        0 => None,
+        _ => Some(Arc::new(Mist::build_within(&droplets, &cloud, origin, mist_budget(misty)?)?)),
+    };
+    drop((position, velocity, mass));
+    let stands = |index: usize, class: Class| class.holds(shares[index][class as usize]);
+    let single = [Class::Drop, Class::Streak, Class::Bubble];
+    let times = |index: usize| single.into_iter().filter(|&class| stands(index, class)).count();
+    let counts = Counts {
+        drawn: (0..spray.len()).map(times).sum(),
+        streaks: (0..spray.len()).any(|index| stands(index, Class::Streak)),
+        joined: (0..spray.len()).filter(|&index| stands(index, Class::Sheet)).count(),
+        misty,
+        mist: mist.as_ref().map_or(0, |mist| mist.bytes()),
+    };
+    let (least, over_budget) = least_pixels(&account, &spray, settings, sight, budget, &counts, times)?;
+    let covers = match sight {
+        Some(sight) if least > 0.0 => particles::covers(&spray, sight, least),
+        _ => Vec::new(),
+    };
+    let sorted = spray.sorted_and_thinned(&shares, &covers);
+    let found = counts.drawn as u64;
+    let thinning = Thinning { found, drawn: found - sorted.thinned, least_pixels: least, over_budget };
+    Ok((sorted, mist, thinning))
+}
+
+/// Radius (pixels) under which particles are thinned, of which particle k is drawn `times(k)` times: the scene's, or a
+/// greater one by which they fit in the budget; and then the budget, and what all would take (bytes).
+fn least_pixels(
+    account: &Account,
+    spray: &Spray,
+    settings: &crate::scene::Particles,
+    sight: Option<Sight>,
+    budget: Option<u64>,
+    counts: &Counts,
+    times: impl Fn(usize) -> usize,
+) -> Result<(f64, Option<[u64; 2]>), LowerError> {
+    let least = settings.least_pixels;
+    // Questions have no eye: nothing is small to them.
+    let (Some(sight), Some(budget)) = (sight, budget) else { return Ok((least, None)) };
+    let most = account.most(budget, counts)?;
+    let asked = particles::least_for(spray, sight, times, most);
+    if asked <= least {
+        return Ok((least, None));
+    }
+    Ok((asked, Some([budget, account.spray(counts)])))
 }
 
 /// Time (s) of flight that a streak shows in the whole picture, and at one moment of it.
@@ -133,7 +223,7 @@ pub(super) fn parts(
         // Air in water stays bright: a bubble is no drop.
         let water = settings.matter == DropMatter::Water && class != Class::Bubble;
         let spray_material = Material::Spray { first: range.start as u32 };
-        let (center, radius) = (spray.position[range.clone()].to_vec(), spray.radius[range.clone()].to_vec());
+        let (center, radius) = (spray.position[range.clone()].to_vec(), spray.drawn_radius(range.clone()));
         let (material, shape) = match (drawn_as(class), eye) {
             (ParticleRepresentation::Billboards, Some((eye, _))) => {
                 let normal = particles::facing(&spray.part(range), eye.as_vec3()).normal;

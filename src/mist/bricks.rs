@@ -20,7 +20,8 @@ pub(super) const CORNERS: usize = SIDE as usize + 1;
 pub(super) const VALUES: usize = CORNERS * CORNERS * CORNERS;
 
 /// Bytes that a brick takes.
-pub(super) const BRICK_BYTES: u64 = (VALUES * size_of::<f32>() + size_of::<f32>() + size_of::<IVec3>()) as u64;
+pub(super) const BRICK_BYTES: u64 =
+    (VALUES * size_of::<f32>() + size_of::<f32>() + size_of::<IVec3>() + size_of::<Vec3>()) as u64;
 
 /// Cells of the root at most.
 const ROOT: i64 = 1 << 15;
@@ -40,6 +41,8 @@ pub(super) struct Bricks {
     most: Vec<f32>,
     /// Values at the corners, x fastest, brick by brick.
     values: Vec<f32>,
+    /// Mean velocity of each brick (m/s).
+    velocity: Vec<Vec3>,
     /// Tables of each level above the bricks.
     levels: Vec<Vec<Table>>,
     /// Places of the root's first cell and their count, in cells of the highest level.
@@ -148,8 +151,8 @@ fn index(cell: IVec3, count: IVec3) -> usize {
 const TABLE: IVec3 = IVec3::splat(SIDE);
 
 impl Bricks {
-    /// Bricks at `place` (in bricks, no two alike) with their `values`.
-    pub(super) fn new(place: Vec<IVec3>, values: Vec<f32>) -> Self {
+    /// Bricks at `place` (in bricks, no two alike) with their `values` and mean velocities.
+    pub(super) fn new(place: Vec<IVec3>, values: Vec<f32>, velocity: Vec<Vec3>) -> Self {
         if place.is_empty() {
             return Self::default();
         }
@@ -172,7 +175,7 @@ impl Bricks {
         for (child, cell) in cells.iter().enumerate() {
             root[index(*cell - low, count)] = child as u32;
         }
-        Self { place, most, values, levels, low, count, root, bounds }
+        Self { place, most, values, velocity, levels, low, count, root, bounds }
     }
 
     pub(super) fn is_empty(&self) -> bool {
@@ -188,6 +191,12 @@ impl Bricks {
     #[inline]
     pub(super) fn most(&self, brick: u32) -> f32 {
         self.most[brick as usize]
+    }
+
+    /// Mean velocity (m/s) of a brick.
+    #[inline]
+    pub(super) fn velocity(&self, brick: u32) -> Vec3 {
+        self.velocity[brick as usize]
     }
 
     /// Greatest value of all.
@@ -322,7 +331,8 @@ mod tests {
     /// Bricks at the given places; each is full of its own number.
     fn filled(place: Vec<IVec3>) -> Bricks {
         let values = (0..place.len()).flat_map(|brick| [brick as f32 + 1.0; VALUES]).collect();
-        Bricks::new(place, values)
+        let velocity = vec![Vec3::ZERO; place.len()];
+        Bricks::new(place, values, velocity)
     }
 
     fn scattered(far: bool) -> Vec<IVec3> {

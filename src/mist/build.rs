@@ -1,11 +1,11 @@
 //! Particles → bricks: each brick gathers what lies in it and next to it, in one fixed order, so that the grid has the same
 //! bits at any count of threads.
 
-use glam::{DVec3, IVec3};
+use glam::{DVec3, IVec3, Vec3};
 use rayon::prelude::*;
 
 use super::{
-    BUDGET, DENSEST, Mist, MistError, MistSettings,
+    BUDGET, DENSEST, Droplets, Mist, MistError, MistSettings,
     bricks::{BRICK_BYTES, Bricks, CORNERS, SIDE, VALUES},
     kernel::{PER_DEVIATION, Shares, corners, cross_section},
 };
@@ -24,10 +24,12 @@ struct Cloud {
     place: DVec3,
     /// Extinction of a voxel that had all of it (1/m).
     amount: f64,
+    /// Velocity (m/s).
+    velocity: Vec3,
 }
 
 impl Mist {
-    /// The mist of particles at `position` (m, in the files' frame) of `mass` kg each, around `origin`.
+    /// The still mist of particles at `position` (m, in the files' frame) of `mass` kg each, around `origin`.
     ///
     /// # Errors
     /// [`MistError::TooLarge`], [`MistError::TooDense`].
@@ -37,16 +39,15 @@ impl Mist {
         settings: &MistSettings,
         origin: DVec3,
     ) -> Result<Self, MistError> {
-        Self::build_within(position, mass, settings, origin, BUDGET)
+        Self::build_within(&Droplets { position, velocity: &[], mass }, settings, origin, BUDGET)
     }
 
-    /// As [`Mist::build`], within a budget in bytes.
+    /// The mist of particles that move, within a budget in bytes.
     ///
     /// # Errors
     /// As [`Mist::build`].
     pub fn build_within(
-        position: &[[f64; 3]],
-        mass: &[f64],
+        droplets: &Droplets,
         settings: &MistSettings,
         origin: DVec3,
         budget: u64,
@@ -54,20 +55,25 @@ impl Mist {
         let voxel = settings.width / (2.0 * PER_DEVIATION);
         let mut mist =
             Self { voxel: voxel as f32, bricks: Bricks::default(), particles: 0, without_mass: 0, out_of_range: 0 };
-        let mut clouds = Vec::with_capacity(position.len());
-        for (number, (position, &mass)) in position.iter().zip(mass).enumerate() {
+        let mut clouds = Vec::with_capacity(droplets.mass.len());
+        for (number, (position, &mass)) in droplets.position.iter().zip(droplets.mass).enumerate() {
+            let velocity = droplets.velocity.get(number).map_or(Vec3::ZERO, |&v| DVec3::from_array(v).as_vec3());
             let mass = mass * settings.scale.powi(3);
             let amount = cross_section(mass, settings.droplet_radius) / voxel.powi(3);
             let place = (DVec3::from_array(*position) - origin) / voxel;
             // A comparison that is false for what is no number.
             if mass == 0.0 {
                 mist.without_mass += 1;
-            } else if !(place.abs().max_element() < FARTHEST && place.is_finite() && amount.is_finite() && amount > 0.0)
+            } else if !(place.abs().max_element() < FARTHEST
+                && place.is_finite()
+                && velocity.is_finite()
+                && amount.is_finite()
+                && amount > 0.0)
             {
                 mist.out_of_range += 1;
             } else {
                 let home = (place / f64::from(SIDE)).floor().as_ivec3();
-                clouds.push(Cloud { home: [home.z, home.y, home.x], number: number as u32, place, amount });
+                clouds.push(Cloud { home: [home.z, home.y, home.x], number: number as u32, place, amount, velocity });
             }
         }
         mist.particles = clouds.len() as u64;
@@ -76,6 +82,9 @@ impl Mist {
         clouds.dedup_by(|next, kept| {
             let same = next.place == kept.place;
             if same {
+                // Their momentum stays.
+                let share = next.amount / (kept.amount + next.amount);
+                kept.velocity = kept.velocity.lerp(next.velocity, share as f32);
                 kept.amount += next.amount;
             }
             same
@@ -97,16 +106,18 @@ impl Mist {
             return Err(too_large(bricks.len()));
         }
         let mut values = vec![0.0f32; bricks.len() * VALUES];
+        let mut velocities = vec![Vec3::ZERO; bricks.len()];
         let densest = values
             .par_chunks_exact_mut(VALUES)
+            .zip(&mut velocities)
             .zip(&bricks)
-            .map(|(values, &brick)| fill(values, brick, &groups))
+            .map(|((values, velocity), &brick)| fill(values, velocity, brick, &groups))
             .reduce(|| 0.0, f64::max);
         // Sums that are no number any more are over any limit.
         if !(densest <= DENSEST) {
             return Err(MistError::TooDense { extinction: densest });
         }
-        mist.bricks = Bricks::new(bricks.iter().map(|&[z, y, x]| IVec3::new(x, y, z)).collect(), values);
+        mist.bricks = Bricks::new(bricks.iter().map(|&[z, y, x]| IVec3::new(x, y, z)).collect(), values, velocities);
         Ok(mist)
     }
 }
@@ -142,24 +153,30 @@ fn touched(groups: &[&[Cloud]]) -> Vec<[i32; 3]> {
     bricks
 }
 
-/// Fills one brick from the clouds in it and around it; its greatest value.
-fn fill(values: &mut [f32], brick: [i32; 3], groups: &[&[Cloud]]) -> f64 {
+/// Fills one brick from the clouds in it and around it, with the mean velocity of what they give it; its greatest value.
+fn fill(values: &mut [f32], velocity: &mut Vec3, brick: [i32; 3], groups: &[&[Cloud]]) -> f64 {
     // Doubles: of a million clouds in one place each adds its share.
     let mut sums = [0.0f64; VALUES];
+    let (mut momentum, mut amount) = (DVec3::ZERO, 0.0);
     for index in 0..27 {
         let home = [brick[0] + index / 9 - 1, brick[1] + index / 3 % 3 - 1, brick[2] + index % 3 - 1];
         let Ok(group) = groups.binary_search_by(|group| group[0].home.cmp(&home)) else { continue };
         for cloud in groups[group] {
-            add(&mut sums, brick, cloud);
+            let given = add(&mut sums, brick, cloud);
+            momentum += given * cloud.velocity.as_dvec3();
+            amount += given;
         }
     }
+    // Where clouds end at a brick's very border nothing is given, or too little to be a number.
+    *velocity = Some((momentum / amount).as_vec3()).filter(|mean| mean.is_finite()).unwrap_or_default();
     for (value, sum) in values.iter_mut().zip(sums) {
         *value = sum as f32;
     }
     sums.into_iter().fold(0.0, |most, sum| if sum <= most { most } else { sum })
 }
 
-fn add(sums: &mut [f64; VALUES], brick: [i32; 3], cloud: &Cloud) {
+/// Adds what a cloud gives a brick's corners; all of it.
+fn add(sums: &mut [f64; VALUES], brick: [i32; 3], cloud: &Cloud) -> f64 {
     // Corners of the brick that the cloud reaches, along each axis, with the cloud's first corner as seen from the brick's.
     let first = [brick[2], brick[1], brick[0]].map(|place| place * SIDE);
     let reached = |axis: usize| {
@@ -168,7 +185,7 @@ fn add(sums: &mut [f64; VALUES], brick: [i32; 3], cloud: &Cloud) {
     };
     let [x, y, z] = [reached(0), reached(1), reached(2)];
     if x.0 > x.1 || y.0 > y.1 || z.0 > z.1 {
-        return;
+        return 0.0;
     }
     let shares = [0, 1, 2].map(|axis| Shares::new(cloud.place[axis]));
     let share = |axis: usize, corner: i32| shares[axis].share[(corner + first[axis] - shares[axis].first) as usize];
@@ -177,14 +194,18 @@ fn add(sums: &mut [f64; VALUES], brick: [i32; 3], cloud: &Cloud) {
         along[corner as usize] = share(0, corner);
     }
     let (start, end) = (x.0 as usize, x.1 as usize + 1);
+    let along_x: f64 = along[start..end].iter().sum();
+    let mut given = 0.0;
     for k in z.0..=z.1 {
         let amount = cloud.amount * share(2, k);
         for j in y.0..=y.1 {
             let amount = amount * share(1, j);
+            given += amount * along_x;
             let row = (k as usize * CORNERS + j as usize) * CORNERS;
             for (sum, share) in sums[row + start..row + end].iter_mut().zip(&along[start..end]) {
                 *sum += amount * share;
             }
         }
     }
+    given
 }

@@ -70,6 +70,17 @@ impl MistSettings {
     }
 }
 
+/// Particles as a mist takes them, in the files' frame, one array per field.
+#[derive(Clone, Copy, Debug)]
+pub struct Droplets<'a> {
+    /// Places (m).
+    pub position: &'a [[f64; 3]],
+    /// Velocities (m/s); none for mist that stands still.
+    pub velocity: &'a [[f64; 3]],
+    /// Water (kg).
+    pub mass: &'a [f64],
+}
+
 /// Extinction of a frame's mist in the local frame (m): values at the voxels' corners, linear along each axis between them.
 #[derive(Clone, Debug)]
 pub struct Mist {

@@ -216,13 +216,41 @@ fn a_million_particles_in_one_place_are_a_cloud_a_million_times_as_dense() {
 }
 
 #[test]
+fn mist_moves_as_the_mean_of_what_stops_light_there() {
+    // Two streams a metre apart, and between them one cloud of each.
+    let position = [[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.1, 0.2, 0.3], [3.1, 0.1, 0.2], [6.0; 3], [6.0; 3]];
+    let velocity = [[4.0, 0.0, 0.0], [0.0, -2.0, 1.0], [4.0, 0.0, 0.0], [0.0, -2.0, 1.0], [9.0, 0.0, 0.0], [0.0; 3]];
+    let mass = [1e-3, 1e-3, 2e-3, 5e-3, 1e-3, 2e-3];
+    let moving = |velocity: &[[f64; 3]]| {
+        let droplets = Droplets { position: &position, velocity, mass: &mass };
+        Mist::build_within(&droplets, &SETTINGS, DVec3::ZERO, BUDGET).unwrap()
+    };
+    let mist = moving(&velocity);
+    for (place, expected) in [(position[0], velocity[0]), (position[3], velocity[1]), ([6.0; 3], [3.0, 0.0, 0.0])] {
+        let got = mist.velocity(DVec3::from_array(place).as_vec3());
+        assert!((got.as_dvec3() - DVec3::from_array(expected)).length() < 1e-5, "{got} at {place:?}");
+    }
+    assert_eq!(mist.velocity(Vec3::splat(100.0)), Vec3::ZERO);
+    assert_eq!(moving(&[]).velocity(Vec3::ZERO), Vec3::ZERO);
+    let mut wild = velocity;
+    wild[4] = [1e300, 0.0, 0.0];
+    assert_eq!(moving(&wild).out_of_range, 1);
+}
+
+/// A mist of a megabyte at most.
+fn within(position: &[[f64; 3]]) -> Result<Mist, MistError> {
+    let mass = vec![1.0; position.len()];
+    Mist::build_within(&Droplets { position, velocity: &[], mass: &mass }, &SETTINGS, DVec3::ZERO, 1 << 20)
+}
+
+#[test]
 fn what_would_take_too_much_is_refused_by_name() {
     let position: Vec<_> = (0..1000).map(|i| [f64::from(i) * 5.0, 0.0, 0.0]).collect();
-    let told = Mist::build_within(&position, &[1.0; 1000], &SETTINGS, DVec3::ZERO, 1 << 20).unwrap_err();
+    let told = within(&position).unwrap_err();
     assert!(matches!(told, MistError::TooLarge { particles: 1000, .. }), "{told}");
     assert!(told.to_string().contains("particles.mist_width") && told.to_string().contains("1048576"), "{told}");
     // Few enough to be counted one by one, too many with what they reach.
-    let told = Mist::build_within(&position[..200], &[1.0; 200], &SETTINGS, DVec3::ZERO, 1 << 20).unwrap_err();
+    let told = within(&position[..200]).unwrap_err();
     assert!(matches!(told, MistError::TooLarge { bytes, .. } if bytes > 1 << 20), "{told}");
     let told = Mist::build(&position[..1], &[1e30], &SETTINGS, DVec3::ZERO).unwrap_err();
     assert!(matches!(told, MistError::TooDense { .. }) && told.to_string().contains("droplet_radius"), "{told}");

@@ -24,6 +24,12 @@ impl Mist {
         self.bricks.find(point).map_or(0.0, |brick| self.bricks.value(brick, point))
     }
 
+    /// Velocity (m/s) of the mist around a point of the local frame (m): the mean of its brick's, each particle's by what it
+    /// stops there; 0 where there is none.
+    pub fn velocity(&self, point: Vec3) -> Vec3 {
+        self.bricks.find(point / self.voxel).map_or(Vec3::ZERO, |brick| self.bricks.velocity(brick))
+    }
+
     /// Greatest extinction (1/m) anywhere.
     pub fn greatest(&self) -> f32 {
         self.bricks.greatest()

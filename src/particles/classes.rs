@@ -41,6 +41,11 @@ impl Class {
             Self::Bubble => "bubbles",
         }
     }
+
+    /// Whether a particle of such a share in the class is drawn in it.
+    pub fn holds(self, share: f32) -> bool {
+        self != Self::Mist && share > 0.0
+    }
 }
 
 /// Share of a particle in each class, in the order of [`Class::ALL`]; they add up to 1.

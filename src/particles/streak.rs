@@ -75,6 +75,24 @@ impl Seen {
         Self { depth: [distance; 2], apart: (ends[1] - ends[0]).cross(forward).length() / distance }
     }
 
+    /// Radii in the same ratio whose outline is `cover` times as large.
+    fn widened(&self, radius: [f64; 2], cover: f64) -> [f64; 2] {
+        let wanted = cover * self.outline(radius);
+        let area = |factor: f64| self.outline(radius.map(|radius| factor * radius));
+        // Between the growth of a long streak's outline, with its width, and a ball's, with the square of that.
+        let [mut low, mut high] = if cover > 1.0 { [cover.sqrt(), cover] } else { [cover, cover.sqrt()] };
+        // Halved to single precision's rounding of the radii.
+        for _ in 0..24 {
+            let middle = 0.5 * (low + high);
+            if area(middle) < wanted {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        radius.map(|radius| high * radius)
+    }
+
     /// Area that it covers of that plane (m2).
     fn outline(&self, radius: [f64; 2]) -> f64 {
         discs_outline([radius[0] / self.depth[0], radius[1] / self.depth[1]], self.apart)
@@ -87,10 +105,11 @@ impl Streak {
     /// From `position` back along `velocity` for `seconds`, holding the water of a ball of `radius`.
     ///
     /// `eye` is where it is seen from (m) and the width of a pixel (radians): what is narrower than `least_width` of them
-    /// there is widened, and its opacity lowered by what its outline grows, so that as much light is stopped.
+    /// there is widened, and its opacity lowered by what its outline grows, so that as much light is stopped. `cover` is a
+    /// factor on that outline, for a streak that stands for others as well: it is drawn so much wider.
     fn new(
         [position, velocity]: [DVec3; 2],
-        radius: f64,
+        [radius, cover]: [f64; 2],
         seconds: f64,
         settings: &scene::Particles,
         eye: Option<(DVec3, f64)>,
@@ -102,9 +121,10 @@ impl Streak {
         if let Some((eye, pixel_angle)) = eye {
             let seen = Seen::new(ends, eye);
             let least = 0.5 * settings.least_width * pixel_angle;
-            wide = [thin[0].max(least * seen.depth[0]), thin[1].max(least * seen.depth[1])];
+            let own = if cover == 1.0 { thin } else { seen.widened(thin, cover) };
+            wide = [own[0].max(least * seen.depth[0]), own[1].max(least * seen.depth[1])];
             if wide != thin {
-                share = (seen.outline(thin) / seen.outline(wide)).min(1.0);
+                share = (cover * seen.outline(thin) / seen.outline(wide)).min(1.0);
             }
         }
         let streak =
@@ -120,7 +140,8 @@ impl Streak {
 pub fn streaks(spray: &Spray, settings: &scene::Particles, seconds: f64, eye: Option<(DVec3, f64)>) -> Streaks {
     let streak = |index: usize| {
         let flight = [spray.position[index].as_dvec3(), spray.velocity[index].as_dvec3()];
-        Streak::new(flight, spray.radius[index].into(), seconds, settings, eye)
+        let size = [spray.radius[index], spray.cover(index)].map(f64::from);
+        Streak::new(flight, size, seconds, settings, eye)
     };
     let all: Vec<Option<Streak>> = (0..spray.len()).into_par_iter().map(streak).collect();
     let mut streaks =
@@ -232,6 +253,27 @@ mod tests {
         }
         let (thin, wide) = (covered(&thin), covered(&wide));
         assert!((wide / thin - 1.0).abs() < 0.01, "{wide} for {thin}");
+    }
+
+    #[test]
+    fn a_streak_that_stands_for_others_covers_as_much_as_all_of_them() {
+        let (eye, pixel) = (DVec3::new(0.0, 1.0, 9.0), 0.05);
+        let velocity: Vec<[f64; 3]> = (0..6).map(|k| [f64::from(k) * 9.0, -f64::from(k % 4), 3.0]).collect();
+        let plain = spray(vec![[0.5, 0.2, -1.0]; 6], velocity, vec![0.004; 6]);
+        let mut wide = plain.clone();
+        wide.thin(vec![7.0; 6]);
+        for width in [0.0, 0.3, 1.0] {
+            let [one, many] =
+                [&plain, &wide].map(|spray| streaks(spray, &settings(0.25, width), 0.04, Some((eye, pixel))));
+            let covered = |streaks: &Streaks, k: usize| {
+                let ends = streaks.ends[k].map(|end| end.as_dvec3());
+                f64::from(streaks.share[k]) * solid_angle(eye, ends, streaks.radius[k].map(f64::from))
+            };
+            for k in 0..6 {
+                let ratio = covered(&many, k) / covered(&one, k);
+                assert!((ratio / 7.0 - 1.0).abs() < 0.01, "{width} pixels, {k}: {ratio}");
+            }
+        }
     }
 
     #[test]

@@ -177,6 +177,17 @@ impl Nearest {
     };
 }
 
+/// What mist shows of itself in a pixel: sums over its samples.
+#[derive(Clone, Copy, Debug, Default)]
+struct MistSeen {
+    /// Share of the camera's own rays that it has taken.
+    weight: f32,
+    /// Weighted places in the local frame (m).
+    position: Vec3,
+    /// Weighted velocities (m/s).
+    velocity: Vec3,
+}
+
 /// The sums of one tile's pixels.
 #[derive(Clone, Debug, Default)]
 pub(super) struct FilmTile {
@@ -196,6 +207,7 @@ pub(super) struct FilmTile {
     /// Share of the samples that is foam at first sight.
     foam: Vec<f32>,
     nearest: Vec<Nearest>,
+    mist: Vec<MistSeen>,
     /// Contributions that were dropped since they were not finite.
     pub(super) nonfinite: u64,
 }
@@ -218,6 +230,7 @@ impl FilmTile {
         fill(&mut self.uncovered, count, 0.0);
         fill(&mut self.foam, count, 0.0);
         fill(&mut self.nearest, count, Nearest::NONE);
+        fill(&mut self.mist, count, MistSeen::default());
     }
 
     /// Starts a chunk of so many of the camera's samples.
@@ -300,6 +313,30 @@ impl FilmTile {
         }
     }
 
+    /// Notes that mist at `position` (m) took a share of one of the camera's own rays.
+    #[inline]
+    pub(super) fn add_mist(&mut self, pixel: u32, weight: f32, position: Vec3, velocity: Vec3) {
+        let seen = &mut self.mist[pixel as usize];
+        seen.weight += weight;
+        seen.position += weight * position;
+        seen.velocity += weight * velocity;
+    }
+
+    /// What is nearest in a pixel: mist, where it stops half of what the pixel sees or more, if it lies before the nearest
+    /// hit; in the mean, since each sample meets it elsewhere. Thinner mist is a veil before something else.
+    fn nearest(&self, index: usize, view: &View) -> Nearest {
+        let (hit, mist) = (self.nearest[index], self.mist[index]);
+        if !(mist.weight >= 0.5 * self.moments[index].samples as f32 && mist.weight > 0.0) {
+            return hit;
+        }
+        let position = mist.position / mist.weight;
+        let depth = view.camera.depth(view.origin + position.as_dvec3()) as f32;
+        if !(depth < hit.depth) {
+            return hit;
+        }
+        Nearest { depth, position, velocity: mist.velocity / mist.weight, ..Nearest::NONE }
+    }
+
     /// Notes the length of the first refracted ray, if `sample` is the one that gave the depth.
     #[inline]
     pub(super) fn note_path(&mut self, pixel: u32, sample: u32, path: f32) {
@@ -322,7 +359,7 @@ impl FilmTile {
     fn resolve_pixel(&self, index: usize, centre: DVec2, view: &View, values: &mut Vec<f32>) {
         let moments = &self.moments[index];
         let share = 1.0 / moments.samples.max(1) as f32;
-        let nearest = &self.nearest[index];
+        let nearest = self.nearest(index, view);
         let hit = nearest.depth < NOTHING;
         let world = if hit { view.origin + nearest.position.as_dvec3() } else { DVec3::ZERO };
         let motion = |camera: &Camera, frames: f64| {

@@ -74,7 +74,12 @@ impl World<'_> {
         let from = *carrier;
         mist.places(origin, direction, reach, &depths, |t| {
             let at = Carrier { distance: from.distance + t, ..from };
-            self.ask_in_mist(&at, origin + t * direction, direction, share, layer, scratch);
+            let position = origin + t * direction;
+            if from.primary {
+                let share = from.throughput.x * taken / POINTS as f32;
+                scratch.film.add_mist(from.place.pixel, share, position, mist.velocity(position));
+            }
+            self.ask_in_mist(&at, position, direction, share, layer, scratch);
         });
         scratch.film.add_guide(carrier.place.pixel, carrier.guide * (1.0 - left), Vec3::ONE, Vec3::ZERO);
         carrier.throughput *= left;

@@ -245,6 +245,12 @@ pub struct Particles {
     /// Factor on every radius.
     #[schemars(range(min = 0.0, max = 1000000.0))]
     pub scale: f64,
+    /// Spread of the radii about what the masses say: the deviation of their logarithm; the water stays the same in the mean.
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub size_spread: f64,
+    /// Of particles with a smaller radius (pixels) some are drawn, wider, for all; 0 draws all.
+    #[schemars(range(min = 0.0, max = 100.0))]
+    pub least_pixels: f64,
     /// Albedo of slow or old spray.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub slow_albedo: [f64; 3],
@@ -290,6 +296,8 @@ impl Default for Particles {
             representation: ParticleRepresentation::Spheres,
             matter: DropMatter::Diffuse,
             scale: 1.0,
+            size_spread: 0.0,
+            least_pixels: 0.25,
             slow_albedo: [0.72, 0.80, 0.84],
             fast_albedo: [0.94, 0.96, 0.97],
             fast_speed: 4.0,

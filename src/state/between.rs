@@ -1,9 +1,9 @@
 //! A moment between two frames, for motion blur: the water between its two states, the spray carried on by its velocity.
 //!
-//! Nothing is extrapolated and nothing is matched: particles are born and die between frames, so that the same index, and
-//! even the same count, means nothing. Which moments a picture needs is decided by whoever renders it.
+//! Water is never extrapolated, and particles are never matched by index: they are born and die between frames, which is the
+//! matter of `lives`. Which moments a picture needs is decided by whoever renders it.
 
-use super::{Columns, Frame, Particles, StateError};
+use super::{Columns, Frame, StateError, lives};
 
 /// The state a share of a frame after `now`: 0 is `now` to the bit, 1 has the water of `next`.
 ///
@@ -12,8 +12,8 @@ use super::{Columns, Frame, Particles, StateError};
 /// the water rises from the bed or sinks into it, and moves as it does in the frame where there is any. So no column ever
 /// stands above both of its depths or below the bed.
 ///
-/// *Spray*: the particles of `now`, each moved on by its velocity for `share / fps` seconds and as much older. Those that
-/// break free between the frames are not there yet; those that end in between fly on.
+/// *Spray*: the particles of `now`, each moved on by its velocity for `share / fps` seconds and as much older; those of `next`
+/// that have broken free by then; without those that end by then, where both frames have `id`s (see `lives`).
 ///
 /// The arrays that we do not read are those of `now`.
 ///
@@ -29,30 +29,8 @@ pub fn between(now: &Frame, next: &Frame, share: f64, fps: f64) -> Result<Frame,
     Ok(Frame {
         time: mix(*time, next.time, share),
         columns: if share == 0.0 { columns.clone() } else { columns_between(columns, &next.columns, share) },
-        particles: carried_on(particles, share, fps)?,
+        particles: lives::between(particles, &next.particles, share, fps)?,
         extra: extra.clone(),
-    })
-}
-
-/// Particles a share of a frame later, by their velocities alone.
-///
-/// # Errors
-/// [`StateError::Fps`].
-pub fn carried_on(particles: &Particles, share: f64, fps: f64) -> Result<Particles, StateError> {
-    if !(fps > 0.0 && fps.is_finite()) {
-        return Err(StateError::Fps(fps));
-    }
-    let seconds = share / fps;
-    let Particles { position, velocity, mass, age, id } = particles;
-    let moved = |(position, velocity): (&[f64; 3], &[f64; 3])| {
-        std::array::from_fn(|axis| position[axis] + velocity[axis] * seconds)
-    };
-    Ok(Particles {
-        position: position.iter().zip(velocity).map(moved).collect(),
-        velocity: velocity.clone(),
-        mass: mass.clone(),
-        age: age.iter().map(|age| age + seconds).collect(),
-        id: id.clone(),
     })
 }
 
@@ -102,6 +80,7 @@ fn same_grid(now: &Columns, next: &Columns) -> Result<(), StateError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::state::Particles;
 
     const FPS: f64 = 24.0;
 
@@ -201,7 +180,9 @@ mod tests {
         now.particles = spray(4);
         for others in [0, 3, 4, 9] {
             let mut next = frame(1.0, 1.0, 0.0);
-            next.particles = spray(others);
+            // All of them older than a frame, and without numbers: nobody is born or known to end.
+            next.particles = Particles { id: None, ..spray(others) };
+            next.particles.age.iter_mut().for_each(|age| *age += 1.0);
             next.particles.position.iter_mut().for_each(|position| position[0] += 100.0);
             let moved = between(&now, &next, 0.75, FPS).unwrap().particles;
             assert_eq!(moved.position.len(), 4);

@@ -38,7 +38,11 @@ impl World<'_> {
             primary: false,
             ..*carrier
         };
-        self.scatter_in_mist(at, origin + distance * direction, direction, scratch);
+        let position = origin + distance * direction;
+        if carrier.primary {
+            scratch.film.add_mist(carrier.place.pixel, 1.0, position, mist.velocity(position));
+        }
+        self.scatter_in_mist(at, position, direction, scratch);
         false
     }
 

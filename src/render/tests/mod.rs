@@ -5,6 +5,7 @@ mod mist;
 mod paths;
 mod promises;
 mod sampling;
+mod spray;
 mod streaks;
 
 use std::{path::Path, sync::Arc, sync::atomic::AtomicBool};
