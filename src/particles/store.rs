@@ -2,9 +2,9 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::{scene, state};
+use crate::{math::scramble, scene, state};
 
-use super::{Appearance, Class, Shares, appearance, radius};
+use super::{Appearance, Class, Shares, appearance, radius, texture};
 
 /// Particles that can be drawn, in the order of the file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -21,10 +21,18 @@ pub struct Spray {
     first: [usize; 6],
     /// Factor on each opacity; empty where all are 1.
     share: Vec<f32>,
+    /// What each texture goes by: seed and age (s). Empty where none is drawn.
+    variation: Vec<(u32, f32)>,
     /// Particles left out because their radius is 0 (no mass, or a scale of 0).
     pub without_size: u64,
     /// Particles left out because their position, velocity or radius is beyond single precision.
     pub out_of_range: u64,
+}
+
+/// A number that a particle keeps over all frames: of its id, or of its mass where files have none.
+fn particle_seed(particles: &state::Particles, index: usize) -> u32 {
+    let own = particles.id.as_ref().map_or(particles.mass[index].to_bits(), |id| id[index]);
+    (scramble(own) >> 32) as u32
 }
 
 impl Spray {
@@ -38,6 +46,7 @@ impl Spray {
             look: Vec::with_capacity(count),
             ..Self::default()
         };
+        let varied = texture::wanted(settings);
         for index in 0..count {
             let size = radius(particles.mass[index], settings.scale) as f32;
             let position = (DVec3::from_array(particles.position[index]) - origin).as_vec3();
@@ -48,6 +57,9 @@ impl Spray {
                 spray.out_of_range += 1;
             } else {
                 let look = appearance(velocity.length(), particles.age[index], settings);
+                if varied {
+                    spray.variation.push((particle_seed(particles, index), particles.age[index] as f32));
+                }
                 spray.position.push(position);
                 spray.velocity.push(velocity.as_vec3());
                 spray.radius.push(size);
@@ -135,10 +147,16 @@ impl Spray {
         Appearance { albedo: Vec3::new(r, g, b), opacity: opacity * share }
     }
 
+    /// Seed and age (s) of particle `index`, where the spray was built for billboards with a texture.
+    #[inline]
+    pub fn variation(&self, index: usize) -> Option<(u32, f32)> {
+        self.variation.get(index).copied()
+    }
+
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
         let each = 2 * size_of::<Vec3>() + size_of::<f32>() + size_of::<[u16; 4]>();
-        (self.len() * each + size_of_val(&*self.share)) as u64
+        (self.len() * each + size_of_val(&*self.share) + size_of_val(&*self.variation)) as u64
     }
 }
 

@@ -109,6 +109,8 @@ pub(super) struct PathState {
     pub(super) fresh: bool,
     /// Sun and lamps along this ray are the caustics' matter.
     pub(super) covered: bool,
+    /// Share of sun and lamps that the last event has found by asking alone: drops' own way of scattering.
+    pub(super) bow: f32,
 }
 
 /// Lights that an event has sent a ray of its own to.

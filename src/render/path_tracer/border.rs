@@ -49,6 +49,7 @@ impl World<'_> {
             asked,
             covered,
             fresh: false,
+            bow: 0.0,
             ..carrier.path
         };
         let child = Carrier { depth: carrier.depth + 1, ..*carrier };
