@@ -125,9 +125,7 @@ impl Rainbow {
         let angle = f64::from(cosine.clamp(-1.0, 1.0)).acos();
         let bin = (angle / WIDTH - 0.5).clamp(0.0, (BINS - 1) as f64);
         let (r, b) = ((row as usize).min(self.radii - 2), (bin as usize).min(BINS - 2));
-        let along = |r: usize| {
-            table[r * BINS + b].lerp(table[r * BINS + b + 1], (bin - b as f64) as f32)
-        };
+        let along = |r: usize| table[r * BINS + b].lerp(table[r * BINS + b + 1], (bin - b as f64) as f32);
         along(r).lerp(along(r + 1), (row - r as f64) as f32)
     }
 }

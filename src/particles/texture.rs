@@ -178,7 +178,11 @@ impl Image {
         let is_exr = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
         let mut claim = |width: usize, height: usize| {
             *pixels = pixels.saturating_add(width.saturating_mul(height));
-            if *pixels > LIMIT { Err(TextureError::TooLarge { path: path.to_owned(), pixels: *pixels }) } else { Ok(()) }
+            if *pixels > LIMIT {
+                Err(TextureError::TooLarge { path: path.to_owned(), pixels: *pixels })
+            } else {
+                Ok(())
+            }
         };
         let mut image = if is_exr { read_exr(path, &mut claim)? } else { read_other(path, &mut claim)? };
         let mut beyond = 0_usize;
@@ -335,7 +339,8 @@ mod tests {
         assert!(told("a##.png").contains("a##.png") && told("b.png").contains("b.png"), "{}", told("b.png"));
         std::fs::write(folder.path().join("c.png"), b"no picture").unwrap();
         assert!(told("c.png").contains("c.png"));
-        let nan = exr::prelude::write_rgba_file(folder.path().join("d.exr"), 2, 1, |x, _| (f32::NAN, 0.0, 0.0, x as f32));
+        let nan =
+            exr::prelude::write_rgba_file(folder.path().join("d.exr"), 2, 1, |x, _| (f32::NAN, 0.0, 0.0, x as f32));
         nan.unwrap();
         assert!(told("d.exr").contains("pixel (0, 0)"), "{}", told("d.exr"));
         assert!(Textures::load(&settings("none"), folder.path()).unwrap().is_none());
@@ -347,7 +352,9 @@ mod tests {
     fn drops_are_soft_differ_by_seed_and_turn() {
         let drops = Textures { images: Vec::new(), rate: 24.0 };
         let grid = |seed: u32| -> Vec<Texel> {
-            (0..2500).map(|k| drops.at(seed, 0.0, [(k % 50) as f32 / 25.0 - 0.98, (k / 50) as f32 / 25.0 - 0.98])).collect()
+            (0..2500)
+                .map(|k| drops.at(seed, 0.0, [(k % 50) as f32 / 25.0 - 0.98, (k / 50) as f32 / 25.0 - 0.98]))
+                .collect()
         };
         let cover = |seed: u32| grid(seed).iter().map(|texel| texel.alpha).sum::<f32>() / 2500.0;
         for seed in 0..50 {
@@ -356,9 +363,10 @@ mod tests {
             assert!((0.1..0.5).contains(&cover(seed)), "{seed}: {}", cover(seed));
             let soft = drop.iter().filter(|texel| texel.alpha > 0.05 && texel.alpha < 0.95).count();
             assert!(soft > 100, "{seed}: {soft}");
-            let (dark, bright) = drop.iter().filter(|texel| texel.alpha > 0.0).fold((1.0_f32, 0.0_f32), |(a, b), texel| {
-                (a.min(texel.color.x), b.max(texel.color.x))
-            });
+            let (dark, bright) = drop
+                .iter()
+                .filter(|texel| texel.alpha > 0.0)
+                .fold((1.0_f32, 0.0_f32), |(a, b), texel| (a.min(texel.color.x), b.max(texel.color.x)));
             assert!(dark < 0.8 && bright > 0.95 && bright <= 1.0, "{seed}: {dark} {bright}");
             assert_ne!(drop, grid(seed + 1));
         }

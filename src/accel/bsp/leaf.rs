@@ -376,8 +376,7 @@ impl DiscBlock {
     fn test(&self, ray: &LeafRay, best: &mut Best) -> bool {
         let to_center = sub(self.center, ray.origin);
         // A ray within the plane makes it infinite or NaN, and then the distance from the centre NaN, which no comparison accepts.
-        let normal =
-            [0, 1, 2].map(|axis| Vec4::select(self.facing, to_center[axis], self.normal[axis]));
+        let normal = [0, 1, 2].map(|axis| Vec4::select(self.facing, to_center[axis], self.normal[axis]));
         let t = dot(to_center, normal) / dot(ray.direction, normal);
         let away = sub(scale(ray.direction, t), to_center);
         // What faces the ray's origin is not met from within its ball.

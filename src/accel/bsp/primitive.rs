@@ -51,11 +51,24 @@ impl Aabb {
 /// One primitive by value.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::accel) enum Primitive {
-    Sphere { center: Vec3, radius: f32 },
-    Disc { center: Vec3, radius: f32, normal: Vec3 },
+    Sphere {
+        center: Vec3,
+        radius: f32,
+    },
+    Disc {
+        center: Vec3,
+        radius: f32,
+        normal: Vec3,
+    },
     /// A disc that faces each ray's origin.
-    Facing { center: Vec3, radius: f32 },
-    Curve { ends: [Vec3; 2], radius: [f32; 2] },
+    Facing {
+        center: Vec3,
+        radius: f32,
+    },
+    Curve {
+        ends: [Vec3; 2],
+        radius: [f32; 2],
+    },
     Triangle([Vec3; 3]),
 }
 

@@ -36,7 +36,12 @@ fn clouds(count: usize, seed: u64) -> Vec<(String, Arc<dyn LaneSurface>, Geometr
         let name = |kind| format!("{kind}, {}", level.name());
         clouds.push((name("spheres"), of_spheres(&spheres, level), Geometry::Spheres(Arc::clone(&spheres))));
         let curves = Arc::new(Curves {
-            ends: spheres.center.iter().zip(discs.normal.iter().flatten()).map(|(&head, &way)| [head, head + 0.5 * way]).collect(),
+            ends: spheres
+                .center
+                .iter()
+                .zip(discs.normal.iter().flatten())
+                .map(|(&head, &way)| [head, head + 0.5 * way])
+                .collect(),
             radius: spheres.radius.iter().map(|&radius| [0.5 * radius, 0.1 * radius]).collect(),
         });
         clouds.push((name("curves"), of_curves(&curves, level), Geometry::Curves(curves)));

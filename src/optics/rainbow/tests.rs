@@ -93,7 +93,9 @@ fn small_drops_have_supernumeraries_that_a_spread_of_sizes_hides() {
     let (one, many) = (Rainbow::build(0.0), Rainbow::build(0.3));
     let ripples = |rainbow: &Rainbow| {
         let at = |k: usize| luminance(rainbow.refracted(1.2e-4, cosine(141.0 + 0.05 * k as f64)));
-        (1..200).filter(|&k| at(k) > at(k - 1) && at(k) > 1.001 * at(k + 1).min(at(k - 1)) && at(k) >= at(k + 1)).count()
+        (1..200)
+            .filter(|&k| at(k) > at(k - 1) && at(k) > 1.001 * at(k + 1).min(at(k - 1)) && at(k) >= at(k + 1))
+            .count()
     };
     assert!(ripples(&one) > ripples(&many), "{} {}", ripples(&one), ripples(&many));
 }
