@@ -19,8 +19,9 @@ use super::values::Bytes;
 use crate::denoise::Denoiser;
 use crate::foam::{FoamField, FoamState};
 use crate::lower::{self, Environment, LoweredFrame};
-use crate::optics::Sky;
+use crate::optics::{Rainbow, Sky};
 use crate::output::{self, Picture, Window, WriteOptions, WriteReport, layers, naming};
+use crate::particles::Textures;
 use crate::render::{self, CameraPath, Job, Looks};
 use crate::scene::{self, LoadedScene};
 use crate::simd::SimdLevel;
@@ -38,6 +39,10 @@ struct Run<'a> {
     options: WriteOptions,
     environment: Environment,
     sky: Sky,
+    /// How drops scatter sunlight, where the scene asks.
+    rainbow: Option<Rainbow>,
+    /// What is on billboards.
+    textures: Option<Textures>,
     path: CameraPath,
     crop: Option<Window>,
     simd: SimdLevel,
@@ -175,6 +180,9 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
         .map_err(|error| anyhow::Error::new(error).context("--denoise"))?;
     let environment = load::environment(&loaded, &frames)?;
     let sky = Sky::build(&settings.sky, &settings.sun, &loaded.directory).map_err(anyhow::Error::from)?;
+    let particles = &settings.particles;
+    let rainbow = (particles.rainbow > 0.0).then(|| Rainbow::build(particles.rainbow_spread));
+    let textures = Textures::load(particles, &loaded.directory).map_err(anyhow::Error::from)?;
     let path = camera_path(&loaded, &frames)?;
     Ok(Run {
         arguments,
@@ -184,6 +192,8 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
         options,
         environment,
         sky,
+        rainbow,
+        textures,
         path,
         crop,
         simd,
@@ -239,7 +249,14 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
     let build_s = clock.elapsed().as_secs_f64();
 
     let clock = Instant::now();
-    let looks: Vec<_> = moments.iter().map(|moment| moment.matter.looks(&moment.lowered)).collect();
+    let looks: Vec<_> = moments
+        .iter()
+        .map(|moment| Looks {
+            rainbow: run.rainbow.as_ref(),
+            textures: run.textures.as_ref(),
+            ..moment.matter.looks(&moment.lowered)
+        })
+        .collect();
     let shown: Vec<_> = moments
         .iter()
         .zip(&looks)
@@ -346,6 +363,8 @@ impl MatterOfFrame {
             bed: lowered.bed.as_deref(),
             foam: self.foam.as_ref(),
             mist: lowered.mist.as_deref(),
+            rainbow: None,
+            textures: None,
         }
     }
 }

@@ -18,6 +18,7 @@ mod path_tracer;
 mod sampler;
 mod shadow;
 mod single_scattering;
+mod spray;
 mod tiles;
 mod wave;
 mod whitted;

@@ -24,7 +24,7 @@ pub use overrides::Override;
 pub use rendering::*;
 pub use shape::{names_of, schema};
 pub use simulation::*;
-pub use spray::{Classes, DropMatter, Sheet};
+pub use spray::{Billboard, Classes, DropMatter, Facing, Sheet};
 pub use types::*;
 pub use water::*;
 pub use water_types::{Coefficients, WAVELENGTHS, absorption_of, diffuse_attenuation};

@@ -148,6 +148,8 @@ impl Rules<'_> {
             ("sky.below", &sky.below),
         ];
         let single = single.into_iter().filter_map(|(key, path)| Some((key.to_owned(), path.as_deref()?)));
+        let single =
+            single.chain([("particles.billboard.texture".to_owned(), scene.particles.billboard.texture.as_str())]);
         let meshes = scene.environment.meshes.iter().enumerate();
         let meshes = meshes.map(|(index, path)| (format!("environment.meshes.{index}"), path.as_str()));
         for (key, _) in single.chain(meshes).filter(|(_, path)| path.is_empty()) {

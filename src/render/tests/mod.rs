@@ -1,6 +1,7 @@
 //! Whole pictures of small scenes whose light is known, and the scenes themselves.
 
 mod analytic;
+mod drops;
 mod mist;
 mod paths;
 mod promises;
@@ -18,8 +19,9 @@ use crate::{
     foam::FoamLook,
     lower::{Lowered, Material, Part, Shape, Spheres, Triangles},
     mist::Mist,
-    optics::Sky,
+    optics::{Rainbow, Sky},
     output::Picture,
+    particles::Texel,
     scene::{Accel, ObjectsAccel, Scene, SkyKind, SolverKind, WaterAccel},
     simd::SimdLevel,
     surface::{Lattice, SplineSurface},
@@ -33,12 +35,26 @@ pub(super) struct Flat {
     pub(super) spray: SprayLook,
     pub(super) foam: Option<FoamLook>,
     pub(super) mist: Option<Mist>,
+    /// Radius of every drop.
+    pub(super) drop_radius: Option<f32>,
+    pub(super) rainbow: Option<Rainbow>,
+    pub(super) texture: Option<fn([f32; 2]) -> Texel>,
 }
 
 impl Default for Flat {
     fn default() -> Self {
         let spray = SprayLook { albedo: Vec3::splat(0.8), opacity: 0.7, velocity: Vec3::new(3.0, 1.0, 0.5) };
-        Self { water: None, bed: None, albedo: Vec3::splat(0.5), spray, foam: None, mist: None }
+        Self {
+            water: None,
+            bed: None,
+            albedo: Vec3::splat(0.5),
+            spray,
+            foam: None,
+            mist: None,
+            drop_radius: None,
+            rainbow: None,
+            texture: None,
+        }
     }
 }
 
@@ -60,6 +76,15 @@ impl Matter for Flat {
     }
     fn mist(&self) -> Option<&Mist> {
         self.mist.as_ref()
+    }
+    fn drop_radius(&self, _index: u32) -> Option<f32> {
+        self.drop_radius
+    }
+    fn rainbow(&self) -> Option<&Rainbow> {
+        self.rainbow.as_ref()
+    }
+    fn texture(&self, _index: u32, place: [f32; 2]) -> Option<Texel> {
+        self.texture.map(|texture| texture(place))
     }
 }
 
