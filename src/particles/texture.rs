@@ -279,11 +279,12 @@ mod tests {
     use proptest::prelude::*;
 
     fn settings(texture: &str) -> scene::Particles {
-        let mut particles = scene::Particles::default();
-        particles.representation = scene::ParticleRepresentation::Billboards;
-        particles.billboard.texture = texture.into();
-        particles.billboard.image_fps = 10.0;
-        particles
+        let billboard = scene::Billboard { texture: texture.into(), image_fps: 10.0, ..scene::Billboard::default() };
+        scene::Particles {
+            representation: scene::ParticleRepresentation::Billboards,
+            billboard,
+            ..scene::Particles::default()
+        }
     }
 
     /// A seed that is turned by next to nothing, so that places are those of the image.
