@@ -541,3 +541,43 @@ mod openimageio {
         assert_eq!(std::fs::read_dir(&directory).unwrap().count(), 1);
     }
 }
+
+/// A deep picture as it comes from a scene, read by OpenImageIO and by the flat picture beside it.
+#[cfg(feature = "oiio")]
+#[test]
+fn a_deep_file_flattens_to_the_flat_picture_beside_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("s.exr");
+    let render = |more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_whitewater"));
+        command.args(["render", "scenes/small/scene.toml", "-q", "--deep", "--set", "sky.visible=false"]);
+        command.args(["--set", "render.width=64", "--set", "render.height=40", "--set", "output.deep.color=true"]);
+        command.args(more).output().unwrap()
+    };
+    let done = render(&["-o", out.to_str().unwrap()]);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let flat = output::read_exr(&out).unwrap();
+    let deep = output::read_deep(&folder.path().join("s.deep.exr")).unwrap();
+    assert_eq!((deep.display, deep.data), (flat.display, flat.data));
+    let mut several = 0;
+    for index in 0..64 * 40 {
+        let pixel = deep.pixel(index);
+        several += usize::from(pixel.len() > 1);
+        let (alpha, light) = output::DeepSample::flatten(pixel);
+        let value = |name: &str| flat.channel(name).unwrap().samples[index];
+        assert!((alpha - value("A")).abs() < 1e-3, "{index}: {alpha} {}", value("A"));
+        for (light, name) in light.into_iter().zip(["R", "G", "B"]) {
+            // Half rounds the flat value once, and each sample's.
+            assert!(
+                (light - value(name)).abs() < 2e-3 * value(name).max(1.0),
+                "{index} {name}: {light} {}",
+                value(name)
+            );
+        }
+    }
+    assert!(several > 20, "{several}");
+
+    let refused = render(&["-o", folder.path().join("s.png").to_str().unwrap()]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("--deep"));
+}

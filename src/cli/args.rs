@@ -156,6 +156,10 @@ pub struct RenderArgs {
     /// Take the noise out of the beauty (Open Image Denoise); what it was stays as the layer `noisy`
     #[arg(long)]
     pub denoise: bool,
+    /// Write a deep EXR beside each EXR: NAME.deep.exr (output.deep.enabled; needs OpenImageIO)
+    #[arg(long)]
+    pub deep: bool,
+
     /// Compression of the EXR (output.compression)
     #[arg(long, value_name = "NAME", value_parser = names("output.compression"))]
     pub compression: Option<String>,
@@ -182,6 +186,7 @@ impl RenderArgs {
         option("--noise", "render.noise", self.noise.as_deref());
         option("--seconds", "render.seconds", self.seconds.as_deref());
         option("--compression", "output.compression", self.compression.as_deref());
+        option("--deep", "output.deep.enabled", self.deep.then_some("true"));
         overrides.extend(self.accuracy.iter().flat_map(Accuracy::overrides));
         overrides
     }

@@ -20,7 +20,7 @@ use crate::denoise::Denoiser;
 use crate::foam::{FoamField, FoamState};
 use crate::lower::{self, Environment, LoweredFrame};
 use crate::optics::{Rainbow, Sky};
-use crate::output::{self, Picture, Window, WriteOptions, WriteReport, layers, naming};
+use crate::output::{self, DeepPicture, Metadata, Picture, Window, WriteOptions, WriteReport, layers, naming};
 use crate::particles::Textures;
 use crate::render::{self, CameraPath, Job, Looks};
 use crate::scene::{self, LoadedScene};
@@ -172,6 +172,14 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
             output::check(&naming::with_frame(output, number), &options).map_err(anyhow::Error::from)?;
         }
     }
+    if settings.output.deep.enabled {
+        let by_default = [PathBuf::from("scene.exr")];
+        for output in deep_outputs(if outputs.is_empty() { &by_default } else { &outputs }) {
+            for &number in &numbers {
+                output::check_deep(&naming::with_frame(&output, number)).map_err(anyhow::Error::from)?;
+            }
+        }
+    }
     // Loaded before the first ray: a library that is missing must not cost hours.
     let denoiser = arguments
         .denoise
@@ -282,9 +290,13 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
     // Before layers are picked, so that the guides are there whichever are wanted.
     let denoise = run.denoiser.as_ref().map(|denoiser| denoiser.denoise(&mut picture));
     let denoise = denoise.transpose().map_err(anyhow::Error::from)?;
+    // Its colour is the finished picture's, before layers of that are left out.
+    let deep = settings.output.deep.enabled && picture.metadata.complete;
+    let deep = deep.then(|| render::render_deep(&job, &picture, stop.flag(), progress)).transpose();
+    let deep = deep.map_err(anyhow::Error::from)?;
 
     let clock = Instant::now();
-    let files = write(run, number, &mut picture)?;
+    let files = write(run, number, &mut picture, deep)?;
     Ok(FrameStats {
         frame: number,
         load_s,
@@ -303,7 +315,12 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
 }
 
 /// Writes the picture to all its files; a picture that was stopped goes to names that say so.
-fn write(run: &Run, number: i64, picture: &mut Picture) -> Result<Vec<WriteReport>, CliError> {
+fn write(
+    run: &Run,
+    number: i64,
+    picture: &mut Picture,
+    deep: Option<DeepPicture>,
+) -> Result<Vec<WriteReport>, CliError> {
     let settings = &run.loaded.scene;
     picture.metadata.owner = settings.output.owner.clone();
     picture.metadata.comments = settings.output.comments.clone();
@@ -320,7 +337,23 @@ fn write(run: &Run, number: i64, picture: &mut Picture) -> Result<Vec<WriteRepor
         let path = if picture.metadata.complete { path } else { naming::partial(&path) };
         files.push(write_one(picture, &path, &run.options)?);
     }
+    if let Some(mut deep) = deep {
+        deep.metadata = Metadata { complete: deep.metadata.complete, ..picture.metadata.clone() };
+        for pattern in deep_outputs(patterns) {
+            let path = naming::with_frame(&pattern, number);
+            let path = if deep.metadata.complete { path } else { naming::partial(&path) };
+            let written = output::write_deep(&deep, &path, &run.options);
+            files.push(written.with_context(|| format!("cannot write {}", path.display()))?);
+        }
+    }
     Ok(files)
+}
+
+/// The names of the deep pictures beside those of flat ones: of EXRs, or, where there are none, of all, which will be refused.
+fn deep_outputs(outputs: &[PathBuf]) -> Vec<PathBuf> {
+    let is_exr = |path: &&PathBuf| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
+    let exr: Vec<PathBuf> = outputs.iter().filter(is_exr).map(|path| naming::deep(path)).collect();
+    if exr.is_empty() { outputs.iter().map(|path| naming::deep(path)).collect() } else { exr }
 }
 
 fn write_one(picture: &Picture, path: &Path, options: &WriteOptions) -> Result<WriteReport, CliError> {

@@ -6,6 +6,7 @@ mod batches;
 mod camera;
 pub mod caustics;
 mod contact;
+mod deep;
 mod error;
 mod film;
 mod framing;
@@ -26,6 +27,7 @@ mod world;
 
 pub use batches::RayCounts;
 pub use camera::{Camera, FILM_BACK_MM, Pose, concentric_disc};
+pub use deep::render_deep;
 pub use error::RenderError;
 pub use film::{Layer, NOTHING, channels};
 pub use framing::frame_points;

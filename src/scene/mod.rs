@@ -3,6 +3,7 @@
 //! [`load()`] is the way in. Whether the files that a scene names exist is not looked at here: the rooms that read them say so.
 
 mod check;
+mod deep;
 mod document;
 mod errors;
 mod foam;
@@ -17,6 +18,7 @@ mod types;
 mod water;
 mod water_types;
 
+pub use deep::{Deep, DeepWater};
 pub use errors::{Place, SceneError, SceneErrors};
 pub use foam::{Foam, FoamLimits, FoamRate};
 pub use load::{LoadedScene, MOST_BYTES, load};

@@ -7,7 +7,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Billboard, Classes, DropMatter, Foam, Light, Render, Sheet, Simulation, Water};
+use super::{Billboard, Classes, Deep, DropMatter, Foam, Light, Render, Sheet, Simulation, Water};
 
 /// A whole scene file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -643,4 +643,6 @@ pub struct Output {
     pub owner: Option<String>,
     /// Recorded in the file.
     pub comments: Option<String>,
+    /// The deep picture.
+    pub deep: Deep,
 }

@@ -234,3 +234,38 @@ fn mist_scatters_the_sun_as_its_droplets_do() {
         }
     }
 }
+
+#[test]
+fn a_drop_of_water_bends_and_dims_what_is_seen_through_it_as_a_sphere_does() {
+    const N: f32 = 1.333;
+    for aside in [0.0_f32, 0.3, 0.6, 0.86, 0.95] {
+        // Entry and exit at one pair of angles; the way inside is 2 cos(refracted), the whole turn 2 (incident - refracted).
+        let incident = aside.asin();
+        let refracted = (aside / N).asin();
+        let way = |turn: f32| Vec3::new(-turn.sin(), 0.0, -turn.cos());
+        let inside = 2.0 * refracted.cos();
+        let out = Vec3::new(aside, 0.0, incident.cos()) + inside * way(incident - refracted);
+        let passed = 1.0 - crate::optics::fresnel::reflectance_exact(incident.cos(), 1.0, N);
+        let radius = 0.05_f32;
+        let seen = |turn: f32| {
+            let mut scene = uniform(0.0, 8);
+            (scene.render.integrator, scene.render.samples) = (Integrator::Path, 256);
+            (scene.camera.fov, scene.water.roughness, scene.water.absorption) = (0.02, 0.0, [0.5, 0.2, 0.1]);
+            let lamp = (out + 6.0 * way(turn)).as_dvec3().to_array();
+            scene.light = vec![Light { radius: f64::from(radius), ..Light::point(lamp, [1.0; 3]) }];
+            let eye = glam::DVec3::new(f64::from(aside), 0.0, 9.0);
+            let parts = vec![part("spray", Material::Sheet, ball(Vec3::ZERO, 1.0))];
+            let picture = Setup::new(scene, parts, eye.to_array(), [eye.x, 0.0, 0.0]).render().0;
+            ["R", "G", "B"].map(|name| mean(&picture, name) as f32)
+        };
+        let turn = 2.0 * (incident - refracted);
+        let (there, beside) = (seen(turn), seen(turn + 3.0 * radius / 6.0));
+        let radiance = 1.0 / (std::f32::consts::PI * radius * radius);
+        for ((there, beside), absorption) in there.into_iter().zip(beside).zip([0.5, 0.2, 0.1_f32]) {
+            let expected = radiance * passed * passed * (-absorption * inside).exp();
+            assert!((there / expected - 1.0).abs() < 0.02, "{aside}: {there}, not {expected}");
+            // What is left there is what the drop mirrored inside first.
+            assert!(beside < 0.01 * expected, "{aside}: {beside} beside {expected}");
+        }
+    }
+}

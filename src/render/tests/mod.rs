@@ -1,6 +1,7 @@
 //! Whole pictures of small scenes whose light is known, and the scenes themselves.
 
 mod analytic;
+mod deep;
 mod drops;
 mod mist;
 mod paths;
@@ -20,7 +21,7 @@ use crate::{
     lower::{Lowered, Material, Part, Shape, Spheres, Triangles},
     mist::Mist,
     optics::{Rainbow, Sky},
-    output::Picture,
+    output::{DeepPicture, Picture},
     particles::Texel,
     scene::{Accel, ObjectsAccel, Scene, SkyKind, SolverKind, WaterAccel},
     simd::SimdLevel,
@@ -186,6 +187,20 @@ impl Setup {
     }
 
     pub(super) fn render_until(&self, stop: &AtomicBool, observer: &dyn Observer) -> (Picture, RenderStats) {
+        self.with_job(|job| render_frame(job, stop, observer).unwrap())
+    }
+
+    /// The picture and the deep one that belongs to it.
+    pub(super) fn render_deep(&self) -> (Picture, DeepPicture) {
+        self.with_job(|job| {
+            let stop = AtomicBool::new(false);
+            let flat = render_frame(job, &stop, &()).unwrap().0;
+            let deep = super::render_deep(job, &flat, &stop, &()).unwrap();
+            (flat, deep)
+        })
+    }
+
+    fn with_job<T>(&self, run: impl FnOnce(&Job) -> T) -> T {
         let sky = Sky::build(&self.scene.sky, &self.scene.sun, Path::new(".")).unwrap();
         let path = self.path();
         let all: Vec<&Lowered> = std::iter::once(&self.lowered).chain(&self.later).collect();
@@ -211,7 +226,7 @@ impl Setup {
             crop: self.crop,
             threads: self.threads,
         };
-        render_frame(&job, stop, observer).unwrap()
+        run(&job)
     }
 }
 
