@@ -35,6 +35,12 @@ fn cover(pixels: f64, least: f64, chance: f64) -> f64 {
     ((high - chance) / (high - low)).min(1.0) / kept
 }
 
+/// Factor on the opacity of what would be drawn with `share` of its own, whose number is `chance`, so that none has less than
+/// `least`: some are drawn for all, as those that are too small. 0 if it is not drawn.
+pub(super) fn strengthened(share: f64, least: f64, chance: f64) -> f64 {
+    if share < least { cover((share / least).sqrt(), 1.0, chance) } else { 1.0 }
+}
+
 /// The least radius (pixels) from which on a particle is not drawn any more: what [`cover`] says the other way round.
 fn vanishes_at(pixels: f64, chance: f64) -> f64 {
     pixels * ((1.0 + FADE) / chance).sqrt()
@@ -108,6 +114,17 @@ mod tests {
             assert!(cover(nothing, 0.5, 0.3) <= 1.0 && vanishes_at(nothing, 0.3).is_nan() == nothing.is_nan());
         }
         assert_eq!((cover(0.1, 0.0, 0.9), cover(f64::INFINITY, 0.5, 0.9)), (1.0, 1.0));
+    }
+
+    #[test]
+    fn what_is_too_faint_is_drawn_by_some_for_all() {
+        for share in [0.01, 0.2, 0.39, 0.4, 0.9] {
+            let count = 1_000_000;
+            let at = |k: i32| strengthened(share, 0.4, (f64::from(k) + 0.5) / f64::from(count));
+            let mean = (0..count).map(at).sum::<f64>() / f64::from(count);
+            assert!((mean - 1.0).abs() < 2e-3, "{share}: {mean}");
+            assert!((0..count).all(|k| share * at(k) <= f64::max(share, 0.4 + 1e-9)));
+        }
     }
 
     #[test]

@@ -24,6 +24,8 @@ pub enum Purpose {
     Size = 1,
     /// Whether it is drawn when many are too small to be.
     Detail = 2,
+    /// Whether it is drawn when many are too faint to be.
+    Faint = 3,
 }
 
 /// The seed of particle `index` of a frame at `time` (s).

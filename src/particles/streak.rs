@@ -7,7 +7,11 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::Spray;
+use super::{
+    Spray,
+    detail::strengthened,
+    seed::{Purpose, uniform},
+};
 use crate::math::{RoundCone, discs_outline};
 use crate::scene;
 
@@ -141,7 +145,11 @@ pub fn streaks(spray: &Spray, settings: &scene::Particles, seconds: f64, eye: Op
     let streak = |index: usize| {
         let flight = [spray.position[index].as_dvec3(), spray.velocity[index].as_dvec3()];
         let size = [spray.radius[index], spray.cover(index)].map(f64::from);
-        Streak::new(flight, size, seconds, settings, eye)
+        let streak = Streak::new(flight, size, seconds, settings, eye)?;
+        let chance = uniform(spray.seed(index), Purpose::Faint);
+        let share = f64::from(streak.share);
+        let factor = strengthened(share, settings.least_opacity, chance);
+        Some(if factor > 0.0 { Streak { share: (share * factor) as f32, ..streak } } else { Streak::NONE })
     };
     let all: Vec<Option<Streak>> = (0..spray.len()).into_par_iter().map(streak).collect();
     let mut streaks =
@@ -169,7 +177,7 @@ mod tests {
     }
 
     fn settings(taper: f64, least_width: f64) -> scene::Particles {
-        scene::Particles { taper, least_width, ..scene::Particles::default() }
+        scene::Particles { taper, least_width, least_opacity: 0.0, ..scene::Particles::default() }
     }
 
     /// Solid angle (sr) of a cone from `eye`, by rays through a grid across it.

@@ -280,6 +280,10 @@ pub struct Particles {
     /// Streaks narrower than this (pixels) are drawn as wide, and let as much more light through.
     #[schemars(range(min = 0.0, max = 100.0))]
     pub least_width: f64,
+    /// Of streaks that would let through more than all but this share of the light, since they are drawn wider than they are,
+    /// some are drawn for all, with this share; 0: never.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub least_opacity: f64,
     /// Radius (m) of the droplets that a particle's water is in as mist: extinction is 3 m / (2 rho radius) square metres.
     #[schemars(range(min = 0.000001, max = 100.0))]
     pub droplet_radius: f64,
@@ -302,7 +306,7 @@ pub struct Particles {
 impl Default for Particles {
     fn default() -> Self {
         Self {
-            representation: ParticleRepresentation::Spheres,
+            representation: ParticleRepresentation::Auto,
             matter: DropMatter::Diffuse,
             scale: 1.0,
             size_spread: 0.0,
@@ -317,6 +321,7 @@ impl Default for Particles {
             streak: None,
             taper: 0.25,
             least_width: 1.0,
+            least_opacity: 0.5,
             droplet_radius: 5e-5,
             mist_share: 0.002,
             mist_width: 0.25,
