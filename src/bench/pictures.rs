@@ -151,6 +151,7 @@ impl Built {
             frame: 0,
             crop: None,
             threads: settings.threads,
+            mattes: render::Mattes::default(),
         };
         Ok(render::render_frame(&job, &AtomicBool::new(false), &())?)
     }

@@ -21,7 +21,7 @@ use crate::foam::{FoamField, FoamState};
 use crate::lower::{self, Environment, LoweredFrame};
 use crate::optics::Sky;
 use crate::output::{self, Picture, Window, WriteOptions, WriteReport, layers, naming};
-use crate::render::{self, CameraPath, Job, Looks};
+use crate::render::{self, CameraPath, Job, Looks, Mattes};
 use crate::scene::{self, LoadedScene};
 use crate::simd::SimdLevel;
 use crate::state::{Columns, Frame, FrameSequence};
@@ -259,6 +259,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         frame: number,
         crop: run.crop,
         threads: run.threads,
+        mattes: mattes(run),
     };
     let (mut picture, render) = render::render_frame(&job, stop.flag(), progress).map_err(anyhow::Error::from)?;
     let render_s = clock.elapsed().as_secs_f64();
@@ -283,6 +284,16 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         render,
         files,
     })
+}
+
+/// The mattes that any file of the picture holds, or that were asked for by name.
+fn mattes(run: &Run) -> Mattes {
+    let names = run.arguments.layers.as_deref().unwrap_or_default();
+    let has_layers = |path: &PathBuf| output::has_layers(path, &run.options);
+    if names.is_empty() && !run.outputs.is_empty() && !run.outputs.iter().any(has_layers) {
+        return Mattes::default();
+    }
+    Mattes::wanted(|channel| layers::wants(names, channel))
 }
 
 /// Writes the picture to all its files; a picture that was stopped goes to names that say so.

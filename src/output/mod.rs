@@ -4,6 +4,7 @@
 //! writes whole files only. Formats are fixed by docs/formats.md, section 3.
 
 mod attributes;
+pub mod cryptomatte;
 mod display;
 mod error;
 mod exr_file;
@@ -19,6 +20,7 @@ mod whole_file;
 
 use std::path::{Path, PathBuf};
 
+pub use cryptomatte::Cryptomatte;
 pub use error::OutputError;
 pub use exr_read::read_exr;
 #[cfg(feature = "oiio")]
@@ -112,7 +114,12 @@ pub struct Metadata {
     pub complete: bool,
     /// What took the noise out of the beauty, with its version; empty if nothing did.
     pub denoiser: String,
+    /// A pixel's width by its height.
+    pub pixel_aspect: f64,
+    /// Names of the things that Cryptomatte layers tell apart.
+    pub cryptomattes: Vec<Cryptomatte>,
 }
+
 impl Default for Metadata {
     /// A whole picture at 24 frames per second (what OpenEXR assumes where nothing is said) from an unknown camera.
     fn default() -> Self {
@@ -136,6 +143,8 @@ impl Default for Metadata {
             seconds: 0.0,
             complete: true,
             denoiser: String::new(),
+            pixel_aspect: 1.0,
+            cryptomattes: Vec::new(),
         }
     }
 }
@@ -205,6 +214,11 @@ impl Format {
             _ => Err(OutputError::UnknownExtension { path: path.to_path_buf() }),
         }
     }
+}
+
+/// Whether a file of that name holds every layer rather than the beauty alone.
+pub fn has_layers(path: &Path, options: &WriteOptions) -> bool {
+    Format::of(path).is_ok_and(|format| format == Format::Exr || uses_oiio(format, options))
 }
 
 /// Everything about a target that can be known before hours of rendering: format, writer, folder, permission.

@@ -178,7 +178,7 @@ fn oiio_attributes(picture: &Picture, options: &WriteOptions) -> Result<Vec<Oiio
     };
     let mut list = Vec::new();
     for (name, value) in attributes(picture, options)? {
-        let name = match name {
+        let name = match &*name {
             "capDate" => "DateTime",
             "owner" => "Copyright",
             "comments" => "ImageDescription",
@@ -210,6 +210,8 @@ fn oiio_attributes(picture: &Picture, options: &WriteOptions) -> Result<Vec<Oiio
             other => unreachable!("{name} is of a type that no attribute of ours has: {other:?}"),
         });
     }
+    let aspect = vec![picture.metadata.pixel_aspect as f32];
+    list.push(OiioAttribute { floats: aspect, ..empty("PixelAspectRatio", OiioKind::Float) });
     if options.reproducible {
         list.push(empty("DateTime", OiioKind::Suppressed));
     }

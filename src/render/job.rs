@@ -9,8 +9,9 @@ use std::{
 };
 
 use super::{
-    Camera, CameraPath, Matter, Observer, PathCounts, RayCounts, RenderError,
+    Camera, CameraPath, Matter, Mattes, Observer, PathCounts, RayCounts, RenderError,
     batches::Scratch,
+    cryptomatte::Names,
     film::{Film, FilmTile, View},
     tiles,
     wave::Frame,
@@ -42,6 +43,8 @@ pub struct Job<'a> {
     pub crop: Option<Window>,
     /// Threads; 0 is one per processor.
     pub threads: usize,
+    /// Cryptomatte layers.
+    pub mattes: Mattes,
 }
 
 /// What there is at one moment of the shutter.
@@ -113,7 +116,11 @@ pub fn render_frame(
     }
     let camera = |time: f64| Camera::new(job.path.pose(job.frame as f64 + time), size, job.scene.camera.f_number);
     let shared = Shared::new(job.scene, job.sky);
-    let moments = job.moments.iter().map(|moment| World::new(job.scene, &shared, moment, job.sky, camera(moment.time)));
+    let mut names = Names::new(job.mattes);
+    let moments = job
+        .moments
+        .iter()
+        .map(|moment| World::new(job.scene, &shared, moment, job.sky, camera(moment.time), &mut names));
     let frame = Frame {
         moments: moments.collect::<Result<_, _>>()?,
         first: if settings.seconds.is_some() { 1 } else { settings.samples },
@@ -126,10 +133,11 @@ pub fn render_frame(
         previous: camera(-1.0),
         origin: job.moments[0].lowered.origin,
         fps: job.scene.frames.fps,
+        names,
     };
     let groups = groups(job.scene);
     let windows = tiles::tiles(data);
-    let film = Mutex::new(Film::new(data, &groups));
+    let film = Mutex::new(Film::new(data, &groups, job.mattes));
     let place = |scratch: &mut Scratch| {
         scratch.film.resolve(&view, &mut scratch.pixels);
         // Poisoned only if another thread panicked, and then that panic is on its way to the caller anyway.
@@ -144,7 +152,7 @@ pub fn render_frame(
     };
     let stats = RenderStats { seconds: start.elapsed().as_secs_f64(), ..stats };
     let film = film.into_inner().unwrap_or_else(|poison| poison.into_inner());
-    let metadata = metadata(job, &view.camera, &stats);
+    let metadata = Metadata { cryptomattes: view.names.cryptomattes(), ..metadata(job, &view.camera, &stats) };
     Ok((Picture { display: size, data, channels: film.into_channels(), metadata }, stats))
 }
 

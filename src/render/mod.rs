@@ -6,6 +6,7 @@ mod batches;
 mod camera;
 pub mod caustics;
 mod contact;
+mod cryptomatte;
 mod error;
 mod film;
 mod framing;
@@ -25,6 +26,7 @@ mod world;
 
 pub use batches::RayCounts;
 pub use camera::{Camera, FILM_BACK_MM, Pose, concentric_disc};
+pub use cryptomatte::Mattes;
 pub use error::RenderError;
 pub use film::{Layer, NOTHING, channels};
 pub use framing::frame_points;

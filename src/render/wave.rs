@@ -6,6 +6,7 @@ use glam::Vec3;
 use super::{
     batches::{CameraSample, Carrier, PathState, Scratch},
     contact::Contact,
+    cryptomatte::Seen,
     film::{Nearest, Place},
     sampler::Sampler,
     world::World,
@@ -31,6 +32,8 @@ pub(super) struct Arrival<'a> {
     pub(super) primitive: u32,
     pub(super) place: [f32; 2],
     pub(super) contact: Contact,
+    /// What it is to Cryptomatte.
+    pub(super) seen: Seen,
 }
 
 impl Arrival<'_> {
@@ -252,7 +255,8 @@ impl World<'_> {
                 let t = scratch.hits.t[index];
                 let given = Vec3::from_array(std::array::from_fn(|axis| scratch.hits.normal[axis][index]));
                 let contact = Contact::new(part, primitive, place, origin, direction, t, given);
-                let arrival = Arrival { carrier, origin, direction, t, part, primitive, place, contact };
+                let seen = self.things.part(hit as usize);
+                let arrival = Arrival { carrier, origin, direction, t, part, primitive, place, contact, seen };
                 match self.integrator {
                     Integrator::Whitted => self.arrive(arrival, scratch),
                     Integrator::Path => self.path_arrive(arrival, scratch),

@@ -58,6 +58,9 @@ impl Matter for Flat {
     fn foam(&self, _position: Vec3, _footprint: f32) -> Option<FoamLook> {
         self.foam
     }
+    fn has_foam(&self) -> bool {
+        self.foam.is_some()
+    }
     fn mist(&self) -> Option<&Mist> {
         self.mist.as_ref()
     }
@@ -127,6 +130,7 @@ pub(super) struct Setup {
     pub(super) look_at: [f64; 3],
     pub(super) crop: Option<crate::output::Window>,
     pub(super) threads: usize,
+    pub(super) mattes: Mattes,
 }
 
 impl Setup {
@@ -142,6 +146,7 @@ impl Setup {
             look_at,
             crop: None,
             threads: 1,
+            mattes: Mattes::default(),
         }
     }
 
@@ -185,6 +190,7 @@ impl Setup {
             frame: 7,
             crop: self.crop,
             threads: self.threads,
+            mattes: self.mattes,
         };
         render_frame(&job, stop, observer).unwrap()
     }

@@ -100,8 +100,16 @@ fn crop_has_the_bits_of_the_full_frame_and_overscan_holds_it() {
     let (accelerator, path) = (setup.accelerator(&setup.lowered), setup.path());
     let moments =
         [Moment { time: 0.0, lowered: &setup.lowered, accelerator: &*accelerator, matter: &setup.matter, water: None }];
-    let job =
-        Job { scene: &setup.scene, moments: &moments, sky: &sky, path: &path, frame: 7, crop: setup.crop, threads: 1 };
+    let job = Job {
+        scene: &setup.scene,
+        moments: &moments,
+        sky: &sky,
+        path: &path,
+        frame: 7,
+        crop: setup.crop,
+        threads: 1,
+        mattes: Mattes::default(),
+    };
     let result = render_frame(&job, &AtomicBool::new(false), &());
     assert!(matches!(result, Err(RenderError::EmptyWindow { width: 0, .. })));
 }
