@@ -4,7 +4,7 @@
 use std::{path::Path, process::Command};
 
 use whitewater::{
-    output::{self, Channel, Metadata, OutputError, Picture, SampleType, Window, WriteOptions},
+    output::{self, Channel, Cryptomatte, Metadata, OutputError, Picture, SampleType, Window, WriteOptions},
     scene::{Compression, View, Writer},
 };
 
@@ -51,6 +51,11 @@ fn picture() -> Picture {
         seconds: 3.5,
         complete: true,
         denoiser: "Open Image Denoise 2.5.1".into(),
+        pixel_aspect: 1.0,
+        cryptomattes: vec![Cryptomatte {
+            layer: "CryptoObject".into(),
+            names: ["water", "равнина", "panel_\"0\""].map(str::to_owned).to_vec(),
+        }],
     };
     Picture { display: (32, 48), data, channels, metadata }
 }
@@ -132,6 +137,10 @@ fn assert_every_attribute(path: &Path, picture: &Picture) {
             ("whitewater:tolerance", text("0.02 px")),
             ("whitewater:seconds", V::F32(3.5)),
             ("whitewater:complete", V::I32(1)),
+            ("cryptomatte/3ae39a5/name", text("CryptoObject")),
+            ("cryptomatte/3ae39a5/hash", text("MurmurHash3_32")),
+            ("cryptomatte/3ae39a5/conversion", text("uint32_to_float32")),
+            ("cryptomatte/3ae39a5/manifest", text(&m.cryptomattes[0].manifest())),
             ("pixelAspectRatio", V::F32(1.0)),
             ("screenWindowCenter", V::FloatVec2(exr::math::Vec2(0.0, 0.0))),
             ("screenWindowWidth", V::F32(1.0)),
@@ -417,6 +426,10 @@ mod openimageio {
                     ("whitewater:tolerance", "0.02 px"),
                     ("whitewater:seconds", "3.5"),
                     ("whitewater:complete", "1"),
+                    ("cryptomatte/3ae39a5/name", "CryptoObject"),
+                    ("cryptomatte/3ae39a5/hash", "MurmurHash3_32"),
+                    ("cryptomatte/3ae39a5/conversion", "uint32_to_float32"),
+                    ("cryptomatte/3ae39a5/manifest", &picture().metadata.cryptomattes[0].manifest()),
                     ("PixelAspectRatio", "1"),
                     ("screenWindowWidth", "1"),
                     ("sensorOverallDimensions", "16, 24"),

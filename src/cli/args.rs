@@ -159,6 +159,12 @@ pub struct RenderArgs {
     /// Compression of the EXR (output.compression)
     #[arg(long, value_name = "NAME", value_parser = names("output.compression"))]
     pub compression: Option<String>,
+    /// Names of the EXR's channels: nuke or blender (output.profile)
+    #[arg(long, value_name = "NAME", value_parser = names("output.profile"))]
+    pub profile: Option<String>,
+    /// Render beyond the frame, or the crop, on every side: 5% of the frame, or 64px (output.overscan)
+    #[arg(long, value_name = "MARGIN")]
+    pub overscan: Option<String>,
     /// Show errors only
     #[arg(short, long, conflicts_with = "verbose")]
     pub quiet: bool,
@@ -182,6 +188,8 @@ impl RenderArgs {
         option("--noise", "render.noise", self.noise.as_deref());
         option("--seconds", "render.seconds", self.seconds.as_deref());
         option("--compression", "output.compression", self.compression.as_deref());
+        option("--profile", "output.profile", self.profile.as_deref());
+        option("--overscan", "output.overscan", self.overscan.as_deref());
         overrides.extend(self.accuracy.iter().flat_map(Accuracy::overrides));
         overrides
     }

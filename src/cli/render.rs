@@ -22,7 +22,7 @@ use crate::lower::{self, Environment, LoweredFrame};
 use crate::optics::Sky;
 use crate::output::{self, Picture, Window, WriteOptions, WriteReport, layers, naming};
 use crate::render::{self, CameraPath, Job, Looks, Mattes};
-use crate::scene::{self, LoadedScene};
+use crate::scene::{self, LoadedScene, Overscan};
 use crate::simd::SimdLevel;
 use crate::state::{Columns, Frame, FrameSequence};
 use crate::surface::{SplineSurface, control};
@@ -125,6 +125,7 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
         ),
         None => None,
     };
+    let crop = overscanned(crop, settings);
     let threads = arguments.threads.or(std::thread::available_parallelism().ok()).map_or(1, std::num::NonZero::get);
     // Embree's builds and EXR's compression follow the global pool; a program that calls twice keeps its first.
     let _ = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
@@ -193,6 +194,21 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
     })
 }
 
+/// A crop, or the whole frame, with the overscan that the scene asks for around it.
+fn overscanned(crop: Option<Window>, settings: &scene::Scene) -> Option<Window> {
+    let Some(overscan) = settings.output.overscan.as_deref().and_then(Overscan::parse) else { return crop };
+    let (width, height) = (settings.render.width, settings.render.height);
+    let [across, down] = overscan.margins(width, height);
+    let inner = crop.unwrap_or(Window { x: 0, y: 0, width, height });
+    // Frame and overscan are at most some ten thousand pixels each (the scene's schema): nothing overflows.
+    Some(Window {
+        x: inner.x - across as i32,
+        y: inner.y - down as i32,
+        width: inner.width + 2 * across,
+        height: inner.height + 2 * down,
+    })
+}
+
 /// The camera over all frames. Without a place of its own it is framed on the sequence's first frame, whichever frames
 /// are asked for: so it stands still, and a frame rendered alone looks the same.
 fn camera_path(loaded: &LoadedScene, frames: &FrameSequence) -> Result<CameraPath, CliError> {
@@ -207,7 +223,7 @@ fn camera_path(loaded: &LoadedScene, frames: &FrameSequence) -> Result<CameraPat
             .ok()
             .map(|lattice| SplineSurface::new(lattice, scene::SolverKind::Reference, SimdLevel::Portable));
         let ground = |x: f64, z: f64| bed.as_ref()?.point(x, z).map(|(height, _)| height);
-        let aspect = f64::from(settings.width) / f64::from(settings.height);
+        let aspect = camera.pixel_aspect * f64::from(settings.width) / f64::from(settings.height);
         render::frame_points(&points, &ground, aspect, camera.fov)
     });
     Ok(path.map_err(anyhow::Error::from)?)

@@ -15,6 +15,7 @@ pub mod naming;
 mod oiio;
 mod parts;
 mod picture;
+mod profile;
 mod view;
 mod whole_file;
 
@@ -27,7 +28,7 @@ pub use exr_read::read_exr;
 pub use oiio::{OiioPart, read_with_oiio};
 pub use view::{display_value, filmic, srgb_encode};
 
-use crate::scene::{Compression, View, Writer};
+use crate::scene::{Compression, Profile, View, Writer};
 
 /// How a channel's samples are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -156,6 +157,8 @@ pub struct WriteOptions {
     pub writer: Writer,
     /// Compression of EXR.
     pub compression: Compression,
+    /// Whose names the channels have, where all are written.
+    pub profile: Profile,
     /// Curve for PNG, JPEG, BMP and 8-bit TIFF.
     pub view: View,
     /// Stops of exposure for PNG, JPEG, BMP and 8-bit TIFF.
@@ -172,6 +175,7 @@ impl WriteOptions {
         Self {
             writer: output.writer,
             compression: output.compression,
+            profile: output.profile,
             view: output.view,
             exposure: output.exposure,
             ..Self::default()
@@ -244,6 +248,8 @@ pub fn write(picture: &Picture, path: &Path, options: &WriteOptions) -> Result<W
     picture.check()?;
     let format = Format::of(path)?;
     let all_channels = format == Format::Exr || uses_oiio(format, options);
+    let renamed = (all_channels && options.profile == Profile::Blender).then(|| profile::blender(picture));
+    let picture = renamed.as_ref().unwrap_or(picture);
     let (saturated, saturated_pixels) = if all_channels { picture.count_saturated() } else { (0, 0) };
     let bytes = match format {
         #[cfg(feature = "oiio")]

@@ -67,6 +67,8 @@ pub struct Camera {
     pub size: (u32, u32),
     /// f-number; 0 is a pinhole.
     pub f_number: f64,
+    /// A pixel's width by its height.
+    pub pixel_aspect: f64,
     /// Tangents of half the field of view: horizontal, vertical.
     tangent: DVec2,
     /// Radius of the lens (m).
@@ -78,9 +80,16 @@ impl Camera {
     pub fn new(pose: Pose, size: (u32, u32), f_number: f64) -> Self {
         let vertical = (pose.fov.to_radians() / 2.0).tan();
         let tangent = DVec2::new(vertical * f64::from(size.0) / f64::from(size.1), vertical);
-        let camera = Self { pose, size, f_number, tangent, lens_radius: 0.0 };
+        let camera = Self { pose, size, f_number, pixel_aspect: 1.0, tangent, lens_radius: 0.0 };
         let lens_radius = if f_number > 0.0 { camera.focal_length() * 1e-3 / (2.0 * f_number) } else { 0.0 };
         Self { lens_radius, ..camera }
+    }
+
+    /// The same with pixels that are `aspect` times as wide as they are high.
+    pub fn with_pixel_aspect(mut self, aspect: f64) -> Self {
+        self.pixel_aspect = aspect;
+        self.tangent.x = self.tangent.y * aspect * f64::from(self.size.0) / f64::from(self.size.1);
+        self
     }
 
     /// Focal length (mm) for a film back of [`FILM_BACK_MM`].
@@ -88,9 +97,9 @@ impl Camera {
         FILM_BACK_MM / (2.0 * self.tangent.y)
     }
 
-    /// Angle of a pixel (radians, in the middle of the picture): the growth of its footprint per metre.
+    /// Angle of a pixel's shorter side (radians, in the middle of the picture): the growth of its footprint per metre.
     pub fn pixel_angle(&self) -> f64 {
-        2.0 * self.tangent.y / f64::from(self.size.1)
+        2.0 * self.tangent.y / f64::from(self.size.1) * self.pixel_aspect.min(1.0)
     }
 
     /// Ray through the raster point `raster` (pixels, y down, (0,0) the upper left corner of the full frame).
@@ -237,6 +246,25 @@ mod tests {
         let [x, y, z, _] = transform(DVec3::new(2.0, 3.0, -5.0), camera.camera_to_world());
         assert!((DVec3::new(x, y, z) - point).length() < 1e-8);
         assert!(pose.right.cross(pose.up).dot(pose.forward) < 0.0);
+    }
+
+    #[test]
+    fn wide_pixels_see_more_to_the_sides_and_as_much_above() {
+        let (square, wide) = (camera(0.0), camera(0.0).with_pixel_aspect(2.0));
+        // The tangent of half the horizontal field is twice as large: the border of the one is half way in the other.
+        for y in [0.0, 77.0, 360.0] {
+            let (narrow, half) = (square.direction(DVec2::new(640.0, y)), wide.direction(DVec2::new(480.0, y)));
+            assert!((narrow - half).length() < 1e-12);
+        }
+        assert_eq!(square.focal_length(), wide.focal_length());
+        let raster = DVec2::new(123.25, 301.5);
+        assert!((wide.project(wide.pose.eye + 3.0 * wide.direction(raster)).unwrap() - raster).length() < 1e-9);
+        // The accuracy of hits goes by a pixel's shorter side.
+        assert_eq!(wide.pixel_angle(), square.pixel_angle());
+        assert_eq!(square.with_pixel_aspect(0.5).pixel_angle(), 0.5 * square.pixel_angle());
+        let corner = wide.pose.eye + 12.5 * wide.direction(DVec2::new(640.0, 0.0));
+        let [x, y, _, w] = transform(corner, wide.world_to_ndc());
+        assert!((x / w - 1.0).abs() < 1e-8 && (y / w).abs() < 1e-8);
     }
 
     #[test]

@@ -114,7 +114,11 @@ pub fn render_frame(
     if job.moments.is_empty() {
         return Err(RenderError::NoMoment);
     }
-    let camera = |time: f64| Camera::new(job.path.pose(job.frame as f64 + time), size, job.scene.camera.f_number);
+    let lens = &job.scene.camera;
+    let camera = |time: f64| {
+        let pose = job.path.pose(job.frame as f64 + time);
+        Camera::new(pose, size, lens.f_number).with_pixel_aspect(lens.pixel_aspect)
+    };
     let shared = Shared::new(job.scene, job.sky);
     let mut names = Names::new(job.mattes);
     let moments = job
@@ -289,6 +293,7 @@ fn metadata(job: &Job, camera: &Camera, stats: &RenderStats) -> Metadata {
         f_number: camera.f_number,
         focus: camera.pose.focus,
         focal_length: camera.focal_length(),
+        pixel_aspect: scene.camera.pixel_aspect,
         samples: scene.render.most_samples(),
         solver: scene.surface.solver.name().to_owned(),
         tolerance: match scene.surface.tolerance {

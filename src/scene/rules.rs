@@ -9,7 +9,9 @@ use serde_json::{Value, json};
 
 use super::document::Node;
 use super::errors::SceneError;
-use super::{Caustics, Coefficients, PhaseKind, Representation, Scene, SkyKind, SolverKind, WaterAccel, WaterPreset};
+use super::{
+    Caustics, Coefficients, Overscan, PhaseKind, Representation, Scene, SkyKind, SolverKind, WaterAccel, WaterPreset,
+};
 
 /// Schlick's reflectance of water at normal incidence in the report's preset: ((1.333 - 1) / (1.333 + 1))^2, rounded.
 const REPORT_R0: f64 = 0.02;
@@ -53,6 +55,7 @@ pub(super) fn check(scene: &Scene, root: &Node, known: &[SceneError]) -> Vec<Sce
     rules.caustics(scene);
     rules.accelerators(scene);
     rules.foam(scene);
+    rules.overscan(scene);
     if let Some(simulation) = &scene.simulation {
         rules.simulation(simulation);
     }
@@ -117,6 +120,13 @@ impl Rules<'_> {
         if surface.representation != Representation::Spline && self.sound(&["surface.representation"]) {
             let expected = format!("\"spline\", {why}: the others leave them where they are");
             self.inconsistent("surface.representation", expected);
+        }
+    }
+
+    fn overscan(&mut self, scene: &Scene) {
+        let Some(text) = &scene.output.overscan else { return };
+        if Overscan::parse(text).is_none() {
+            self.inconsistent("output.overscan", Overscan::EXPECTED);
         }
     }
 

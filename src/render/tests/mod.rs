@@ -1,6 +1,7 @@
 //! Whole pictures of small scenes whose light is known, and the scenes themselves.
 
 mod analytic;
+mod cryptomatte;
 mod mist;
 mod paths;
 mod promises;

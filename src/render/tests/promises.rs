@@ -29,6 +29,7 @@ pub(super) fn everything() -> Setup {
         part("sphere_0", Material::Diffuse(Vec3::new(0.7, 0.3, 0.2)), ball(Vec3::new(-0.6, 0.1, -0.7), 0.5)),
     ];
     let mut setup = Setup::new(scene, parts, [2.6, 1.4, 2.2], [0.0, 0.1, 0.0]);
+    setup.mattes = Mattes::ALL;
     let mist = super::mist::cloud(&[[0.9, 0.5, 0.8], [1.1, 0.7, 0.2], [-0.4, 0.2, 1.2]], 2e-3, 0.4);
     setup.matter = Flat { water: Some(0.0), bed: Some(-0.7), mist: Some(mist), ..Flat::default() };
     setup
