@@ -152,6 +152,7 @@ impl Built {
             crop: None,
             threads: settings.threads,
             mattes: render::Mattes::default(),
+            aside: 0.0,
         };
         Ok(render::render_frame(&job, &AtomicBool::new(false), &())?)
     }

@@ -16,12 +16,12 @@ use super::progress::Progress;
 use super::signals::StopFlag;
 use super::stats::{FrameStats, RunStats, part_names};
 use super::values::Bytes;
-use crate::denoise::Denoiser;
+use crate::denoise::{DenoiseReport, Denoiser};
 use crate::foam::{FoamField, FoamState};
 use crate::lower::{self, Environment, LoweredFrame};
 use crate::optics::Sky;
 use crate::output::{self, Picture, Window, WriteOptions, WriteReport, layers, naming};
-use crate::render::{self, CameraPath, Job, Looks, Mattes};
+use crate::render::{self, CameraPath, Job, Looks, Mattes, RenderStats};
 use crate::scene::{self, LoadedScene, Overscan};
 use crate::simd::SimdLevel;
 use crate::state::{Columns, Frame, FrameSequence};
@@ -267,21 +267,40 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
             water: moment.lowered.water.as_deref(),
         })
         .collect();
-    let job = Job {
-        scene: settings,
-        moments: &shown,
-        sky: &run.sky,
-        path: &run.path,
-        frame: number,
-        crop: run.crop,
-        threads: run.threads,
-        mattes: mattes(run),
+    let (mut pictures, mut render, mut denoise) = (Vec::new(), RenderStats::default(), None);
+    let eyes = settings.camera.stereo.map_or(vec![0.0], |apart| vec![-0.5 * apart, 0.5 * apart]);
+    for aside in eyes {
+        let job = Job {
+            scene: settings,
+            moments: &shown,
+            sky: &run.sky,
+            path: &run.path,
+            frame: number,
+            crop: run.crop,
+            threads: run.threads,
+            mattes: mattes(run),
+            aside,
+        };
+        let (mut picture, stats) = render::render_frame(&job, stop.flag(), progress).map_err(anyhow::Error::from)?;
+        render += stats;
+        // Before layers are picked, so that the guides are there whichever are wanted.
+        let report = run.denoiser.as_ref().map(|denoiser| denoiser.denoise(&mut picture));
+        let report = report.transpose().map_err(anyhow::Error::from)?;
+        denoise = match (denoise, report) {
+            (Some(one), Some(other)) => Some(both_eyes(one, other)),
+            (one, other) => other.or(one),
+        };
+        let names = run.arguments.layers.as_deref().unwrap_or_default();
+        layers::select(&mut picture, names).map_err(anyhow::Error::from)?;
+        pictures.push(picture);
+    }
+    let mut pictures = pictures.into_iter();
+    let left = pictures.next().context("a frame has an eye")?;
+    let mut picture = match pictures.next() {
+        Some(right) => output::pair(left, right),
+        None => left,
     };
-    let (mut picture, render) = render::render_frame(&job, stop.flag(), progress).map_err(anyhow::Error::from)?;
     let render_s = clock.elapsed().as_secs_f64();
-    // Before layers are picked, so that the guides are there whichever are wanted.
-    let denoise = run.denoiser.as_ref().map(|denoiser| denoiser.denoise(&mut picture));
-    let denoise = denoise.transpose().map_err(anyhow::Error::from)?;
 
     let clock = Instant::now();
     let files = write(run, number, &mut picture)?;
@@ -312,14 +331,22 @@ fn mattes(run: &Run) -> Mattes {
     Mattes::wanted(|channel| layers::wants(names, channel))
 }
 
+/// What denoising took for a pair.
+fn both_eyes(one: DenoiseReport, other: DenoiseReport) -> DenoiseReport {
+    DenoiseReport {
+        pixels: one.pixels + other.pixels,
+        guides_s: one.guides_s + other.guides_s,
+        seconds: one.seconds + other.seconds,
+        ..one
+    }
+}
+
 /// Writes the picture to all its files; a picture that was stopped goes to names that say so.
 fn write(run: &Run, number: i64, picture: &mut Picture) -> Result<Vec<WriteReport>, CliError> {
     let settings = &run.loaded.scene;
     picture.metadata.owner = settings.output.owner.clone();
     picture.metadata.comments = settings.output.comments.clone();
     picture.metadata.scene_hash = run.loaded.hash.clone();
-    let names = run.arguments.layers.clone().unwrap_or_default();
-    layers::select(picture, &names).map_err(anyhow::Error::from)?;
     let when = run.options.captured.unwrap_or_else(local_now);
     let by_default =
         [PathBuf::from(naming::default_name(&run.loaded.path, number, settings.surface.representation.name(), when))];

@@ -9,7 +9,7 @@ use exr::{
 };
 use time::{OffsetDateTime, UtcOffset, macros::format_description};
 
-use super::{Cryptomatte, Metadata, OutputError, Picture, WriteOptions, cryptomatte};
+use super::{Cryptomatte, EYES, Metadata, OutputError, Picture, WriteOptions, cryptomatte};
 
 /// Height of the film back that focal lengths refer to (mm).
 const FILM_HEIGHT: f64 = 24.0;
@@ -21,6 +21,10 @@ pub(super) const REC_709: Chromaticities = Chromaticities {
     blue: Vec2(0.15, 0.06),
     white: Vec2(0.3127, 0.3290),
 };
+
+/// Where the right eye of a pair is: for the picture as a whole OpenEXR has no place for a second camera.
+const RIGHT_EYE: [&str; 3] =
+    ["whitewater:right:worldToCamera", "whitewater:right:worldToNDC", "whitewater:right:cameraToWorld"];
 
 /// Every attribute of a picture beyond those that a header cannot be without.
 ///
@@ -47,6 +51,13 @@ pub(super) fn attributes(
         ("whitewater:samples", I32(integer("whitewater:samples", m.samples.into())?)),
         ("whitewater:complete", I32(m.complete.into())),
     ];
+    if let Some(matrices) = &m.right_eye {
+        for (name, rows) in RIGHT_EYE.into_iter().zip(matrices) {
+            list.push((name, Matrix4x4(matrix(name, rows)?)));
+        }
+        let views = EYES.map(|view| Text::from_slice_unchecked(view.as_bytes()));
+        list.push(("multiView", AttributeValue::TextVector(views.to_vec())));
+    }
     if let Some(code) = time_code(m.frame, m.fps) {
         list.push(("timeCode", AttributeValue::TimeCode(code)));
     }
@@ -88,6 +99,9 @@ pub(super) fn metadata<'a>(attributes: impl Iterator<Item = (&'a [u8], Attribute
     }));
     let rows = |v: [f32; 16]| std::array::from_fn(|r| std::array::from_fn(|c| f64::from(v[4 * r + c])));
     for (name, value) in list {
+        if let (Some(at), Matrix4x4(v)) = (RIGHT_EYE.iter().position(|known| known.as_bytes() == name), &value) {
+            m.right_eye.get_or_insert_default()[at] = rows(*v);
+        }
         match (name, value) {
             (b"worldToCamera", Matrix4x4(v)) => m.world_to_camera = rows(v),
             (b"worldToNDC", Matrix4x4(v)) => m.world_to_ndc = rows(v),
@@ -290,6 +304,9 @@ mod tests {
             complete: false,
             denoiser: "Open Image Denoise 2.5.1".into(),
             pixel_aspect: 1.0,
+            right_eye: Some(std::array::from_fn(|m| {
+                std::array::from_fn(|r| std::array::from_fn(|c| (m + r * c) as f64))
+            })),
             cryptomattes: vec![Cryptomatte { layer: "CryptoBed".into(), names: vec!["terrain".into(), "mist".into()] }],
         };
         let list = attributes(&picture, &WriteOptions::default()).unwrap();

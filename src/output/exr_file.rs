@@ -64,6 +64,7 @@ fn headers(picture: &Picture, parts: &[Part], options: &WriteOptions) -> Result<
             ("focus", V::F32(v)) => own.focus = Some(v),
             ("utcOffset", V::F32(v)) => own.utc_offset = Some(v),
             ("capDate", V::Text(v)) => own.capture_date = Some(v),
+            ("multiView", V::TextVector(v)) => own.multi_view_names = Some(v),
             ("owner", V::Text(v)) => own.owner = Some(v),
             ("comments", V::Text(v)) => own.comments = Some(v),
             (name, value) => {

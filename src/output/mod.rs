@@ -17,6 +17,7 @@ mod parts;
 mod picture;
 mod profile;
 mod view;
+mod views;
 mod whole_file;
 
 use std::path::{Path, PathBuf};
@@ -27,6 +28,7 @@ pub use exr_read::read_exr;
 #[cfg(feature = "oiio")]
 pub use oiio::{OiioPart, read_with_oiio};
 pub use view::{display_value, filmic, srgb_encode};
+pub use views::{EYES, pair};
 
 use crate::scene::{Compression, Profile, View, Writer};
 
@@ -117,6 +119,8 @@ pub struct Metadata {
     pub denoiser: String,
     /// A pixel's width by its height.
     pub pixel_aspect: f64,
+    /// Of a stereo pair, whose attributes are the left eye's: the right eye's world → camera, world → 0..1, camera → world.
+    pub right_eye: Option<[[[f64; 4]; 4]; 3]>,
     /// Names of the things that Cryptomatte layers tell apart.
     pub cryptomattes: Vec<Cryptomatte>,
 }
@@ -145,6 +149,7 @@ impl Default for Metadata {
             complete: true,
             denoiser: String::new(),
             pixel_aspect: 1.0,
+            right_eye: None,
             cryptomattes: Vec::new(),
         }
     }

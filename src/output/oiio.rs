@@ -193,6 +193,10 @@ fn oiio_attributes(picture: &Picture, options: &WriteOptions) -> Result<Vec<Oiio
         let integer = |kind, integers: &[i32]| OiioAttribute { integers: integers.to_vec(), ..empty(name, kind) };
         list.push(match value {
             V::Text(text) => OiioAttribute { text: string(&text), ..empty(name, OiioKind::Text) },
+            V::TextVector(list) => {
+                let lines: Vec<String> = list.iter().map(string).collect();
+                OiioAttribute { text: lines.join("\n"), ..empty(name, OiioKind::Texts) }
+            }
             V::I32(v) => integer(OiioKind::Integer, &[v]),
             V::Rational((n, d)) => integer(OiioKind::Rational, &[n, d as i32]),
             V::TimeCode(code) => {

@@ -1,7 +1,7 @@
 //! Channels by the names that a program looks for. The names of docs/formats.md are Nuke's; Blender has its own.
 //! Samples stay what they are, but for the half of Blender's `Vector` that has the other sign.
 
-use super::{Channel, Picture, layers::layer_of};
+use super::{Channel, Picture, layers::layer_of, views};
 
 /// Blender's view layer, whose name begins every channel.
 const VIEW_LAYER: &str = "ViewLayer";
@@ -12,13 +12,16 @@ const VIEW_LAYER: &str = "ViewLayer";
 /// Blender takes no other.
 pub(super) fn blender(picture: &Picture) -> Picture {
     let channels = picture.channels.iter().map(|channel| {
-        let (name, sign) = name(&channel.name);
+        let (plain, view) = views::split(&channel.name, picture.metadata.right_eye.is_some());
+        let (name, sign) = name(&plain);
+        let name = format!("{VIEW_LAYER}.{name}");
+        let name = view.map_or_else(|| name.clone(), |view| views::insert(&name, view));
         let mut samples = channel.samples.clone();
         if sign < 0.0 {
             // Not the zeros: a motion of -0 is nothing that a reader should have to think about.
             samples.iter_mut().filter(|sample| **sample != 0.0).for_each(|sample| *sample = -*sample);
         }
-        Channel { name: format!("{VIEW_LAYER}.{name}"), sample_type: channel.sample_type, samples }
+        Channel { name, sample_type: channel.sample_type, samples }
     });
     let mut metadata = picture.metadata.clone();
     for set in &mut metadata.cryptomattes {

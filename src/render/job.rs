@@ -45,6 +45,8 @@ pub struct Job<'a> {
     pub threads: usize,
     /// Cryptomatte layers.
     pub mattes: Mattes,
+    /// Metres to the right of the camera's path at which the eye is: one of a pair.
+    pub aside: f64,
 }
 
 /// What there is at one moment of the shutter.
@@ -117,7 +119,7 @@ pub fn render_frame(
     let lens = &job.scene.camera;
     let camera = |time: f64| {
         let pose = job.path.pose(job.frame as f64 + time);
-        Camera::new(pose, size, lens.f_number).with_pixel_aspect(lens.pixel_aspect)
+        Camera::new(pose, size, lens.f_number).with_pixel_aspect(lens.pixel_aspect).aside(job.aside)
     };
     let shared = Shared::new(job.scene, job.sky);
     let mut names = Names::new(job.mattes);
@@ -266,6 +268,22 @@ fn passes(
         stats.tiles_done = stats.tiles_done.min(total - 1);
     }
     Ok(RenderStats { threads, ..stats })
+}
+
+impl std::ops::AddAssign for RenderStats {
+    /// Another picture of the same frame.
+    fn add_assign(&mut self, other: Self) {
+        self.rays += other.rays;
+        self.solve += other.solve;
+        self.nonfinite += other.nonfinite;
+        self.paths += other.paths;
+        self.samples += other.samples;
+        self.passes = self.passes.max(other.passes);
+        self.tiles_done += other.tiles_done;
+        self.tiles += other.tiles;
+        self.threads = self.threads.max(other.threads);
+        self.seconds += other.seconds;
+    }
 }
 
 impl RenderStats {

@@ -10,7 +10,8 @@ use serde_json::{Value, json};
 use super::document::Node;
 use super::errors::SceneError;
 use super::{
-    Caustics, Coefficients, Overscan, PhaseKind, Representation, Scene, SkyKind, SolverKind, WaterAccel, WaterPreset,
+    Caustics, Coefficients, Compression, Overscan, PhaseKind, Representation, Scene, SkyKind, SolverKind, WaterAccel,
+    WaterPreset,
 };
 
 /// Schlick's reflectance of water at normal incidence in the report's preset: ((1.333 - 1) / (1.333 + 1))^2, rounded.
@@ -56,6 +57,7 @@ pub(super) fn check(scene: &Scene, root: &Node, known: &[SceneError]) -> Vec<Sce
     rules.accelerators(scene);
     rules.foam(scene);
     rules.overscan(scene);
+    rules.stereo(scene);
     if let Some(simulation) = &scene.simulation {
         rules.simulation(simulation);
     }
@@ -120,6 +122,15 @@ impl Rules<'_> {
         if surface.representation != Representation::Spline && self.sound(&["surface.representation"]) {
             let expected = format!("\"spline\", {why}: the others leave them where they are");
             self.inconsistent("surface.representation", expected);
+        }
+    }
+
+    /// Two eyes share one part of a file, which then has one compression.
+    fn stereo(&mut self, scene: &Scene) {
+        let both = self.sound(&["camera.stereo", "output.compression"]);
+        if both && scene.camera.stereo.is_some() && scene.output.compression == Compression::Dwaa {
+            let expected = "\"zip\", \"zips\", \"piz\" or \"none\", since camera.stereo puts both eyes into one part";
+            self.inconsistent("output.compression", expected);
         }
     }
 

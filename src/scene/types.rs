@@ -387,6 +387,9 @@ pub struct Camera {
     /// f-number of the thin lens (24 mm film back, height); 0 is a pinhole.
     #[schemars(range(min = 0.0, max = 1000000.0))]
     pub f_number: f64,
+    /// Distance between two eyes (m), for a stereo pair; by default there is one eye.
+    #[schemars(range(min = 0.000001, max = 1000000.0))]
+    pub stereo: Option<f64>,
     /// A pixel's width by its height: 2 for anamorphic pictures that are shown twice as wide.
     #[schemars(range(min = 0.01, max = 100.0))]
     pub pixel_aspect: f64,
@@ -410,6 +413,7 @@ impl Default for Camera {
             up: [0.0, 1.0, 0.0],
             fov: 40.0,
             f_number: 0.0,
+            stereo: None,
             pixel_aspect: 1.0,
             focus: None,
             shutter: 0.5,

@@ -192,6 +192,7 @@ impl Setup {
             crop: self.crop,
             threads: self.threads,
             mattes: self.mattes,
+            aside: 0.0,
         };
         render_frame(&job, stop, observer).unwrap()
     }

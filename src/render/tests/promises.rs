@@ -110,6 +110,7 @@ fn crop_has_the_bits_of_the_full_frame_and_overscan_holds_it() {
         crop: setup.crop,
         threads: 1,
         mattes: Mattes::default(),
+        aside: 0.0,
     };
     let result = render_frame(&job, &AtomicBool::new(false), &());
     assert!(matches!(result, Err(RenderError::EmptyWindow { width: 0, .. })));
