@@ -194,6 +194,58 @@ rust::Vec<float> OiioReader::samples(uint32_t part) const {
     return result;
 }
 
+void OiioReader::deep(OIIO::DeepData &into) const {
+    if (!spec(0).deep) fail("", "no deep samples");
+    if (!input_->read_native_deep_image(0, 0, into)) fail(input_->geterror(), "could not read the deep samples");
+}
+
 std::unique_ptr<OiioReader> oiio_open(rust::Str path) { return std::make_unique<OiioReader>(plain(path)); }
+
+void oiio_write_deep(rust::Str path, const OiioPart &part, rust::Slice<const uint32_t> counts,
+                     rust::Slice<const float> samples) {
+    if (std::getenv("OPENIMAGEIO_DEBUG") == nullptr) OIIO::attribute("debug", 0);
+    OIIO::ImageSpec spec = make_spec(part);
+    spec.deep = true;
+    const std::size_t pixels = static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.height);
+    const std::size_t channels = static_cast<std::size_t>(spec.nchannels);
+    std::size_t total = 0;
+    for (const uint32_t count : counts) total += count;
+    if (counts.size() != pixels || samples.size() != total * channels) fail("", "wrong count of deep samples");
+    const std::string name = plain(path);
+    std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create(name);
+    if (!output) fail(OIIO::geterror(), "no format for " + name);
+    if (!output->open(name, spec)) fail(output->geterror(), "could not open " + name);
+    // A row at a time: OpenImageIO's own copy of all samples would double the memory.
+    std::size_t next = 0;
+    OIIO::ImageSpec row = spec;
+    row.height = 1;
+    for (int y = 0; y < spec.height; ++y) {
+        OIIO::DeepData deep(row);
+        const std::size_t first = static_cast<std::size_t>(y) * static_cast<std::size_t>(spec.width);
+        for (int x = 0; x < spec.width; ++x)
+            deep.set_samples(x, static_cast<int>(counts[first + static_cast<std::size_t>(x)]));
+        for (int x = 0; x < spec.width; ++x)
+            for (int s = 0; s < deep.samples(x); ++s)
+                for (int c = 0; c < spec.nchannels; ++c) deep.set_deep_value(x, c, s, samples[next++]);
+        if (!output->write_deep_scanlines(spec.y + y, spec.y + y + 1, 0, deep))
+            fail(output->geterror(), "could not write " + name);
+    }
+    if (!output->close()) fail(output->geterror(), "could not finish " + name);
+}
+
+OiioDeep oiio_read_deep(rust::Str path) {
+    const OiioReader reader(plain(path));
+    OiioDeep result;
+    result.part = reader.describe(0);
+    OIIO::DeepData deep;
+    reader.deep(deep);
+    for (int64_t pixel = 0; pixel < deep.pixels(); ++pixel) {
+        const int count = deep.samples(pixel);
+        result.counts.push_back(static_cast<uint32_t>(count));
+        for (int s = 0; s < count; ++s)
+            for (int c = 0; c < deep.channels(); ++c) result.samples.push_back(deep.deep_value(pixel, c, s));
+    }
+    return result;
+}
 
 }  // namespace whitewater

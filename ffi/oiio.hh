@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include <OpenImageIO/deepdata.h>
 #include <OpenImageIO/imageio.h>
 
 #include "rust/cxx.h"
@@ -30,6 +31,7 @@ namespace whitewater {
 
 struct OiioAttribute;
 struct OiioPart;
+struct OiioDeep;
 
 // Writes the parts of one file in order, each from its first row to its last.
 class OiioWriter {
@@ -60,6 +62,8 @@ public:
     OiioPart describe(uint32_t part) const;
     // All samples of a part, pixel by pixel.
     rust::Vec<float> samples(uint32_t part) const;
+    // All samples of a deep file's first part.
+    void deep(OIIO::DeepData &into) const;
 
 private:
     OIIO::ImageSpec spec(uint32_t part) const;
@@ -67,5 +71,10 @@ private:
 };
 
 std::unique_ptr<OiioReader> oiio_open(rust::Str path);
+
+// A deep scanline file of one part; `counts` has the samples of each pixel, row by row.
+void oiio_write_deep(rust::Str path, const OiioPart &part, rust::Slice<const uint32_t> counts,
+                     rust::Slice<const float> samples);
+OiioDeep oiio_read_deep(rust::Str path);
 
 }  // namespace whitewater

@@ -51,6 +51,13 @@ pub(crate) mod bridge {
         attributes: Vec<OiioAttribute>,
     }
 
+    /// A deep file: its one part, how many samples each pixel has, and all of them, channel by channel within each.
+    struct OiioDeep {
+        part: OiioPart,
+        counts: Vec<u32>,
+        samples: Vec<f32>,
+    }
+
     unsafe extern "C++" {
         include!("whitewater/ffi/oiio.hh");
 
@@ -65,5 +72,8 @@ pub(crate) mod bridge {
         fn parts(self: &OiioReader) -> Result<u32>;
         fn describe(self: &OiioReader, part: u32) -> Result<OiioPart>;
         fn samples(self: &OiioReader, part: u32) -> Result<Vec<f32>>;
+
+        fn oiio_write_deep(path: &str, part: &OiioPart, counts: &[u32], samples: &[f32]) -> Result<()>;
+        fn oiio_read_deep(path: &str) -> Result<OiioDeep>;
     }
 }

@@ -260,7 +260,10 @@ fn options_without_use_are_refused() {
         ),
         (["sim", "--rays", "5"], "--rays: expected one of"),
         (["threads", "--audit", "5"], "--audit: expected one of"),
-        (["surface", "--particles", "5"], "--particles: expected one of the benchmarks particles, report, not surface"),
+        (
+            ["surface", "--particles", "5"],
+            "--particles: expected one of the benchmarks particles, report, spray, not surface",
+        ),
     ] {
         let output = bench(&arguments);
         assert_eq!(output.status.code(), Some(2));

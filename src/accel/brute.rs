@@ -121,6 +121,12 @@ fn disc(ray: &Ray, center: DVec3, radius: f64, normal: DVec3) -> Option<Hit> {
     })
 }
 
+/// A disc square to the line from the ray's origin to its centre, unless the origin is within its ball.
+fn facing(ray: &Ray, center: DVec3, radius: f64) -> Option<Hit> {
+    let normal = ray.origin - center;
+    if normal.length_squared() > radius * radius { disc(ray, center, radius, normal) } else { None }
+}
+
 fn curve(ray: &Ray, cone: &RoundCone) -> Option<Hit> {
     let hit = cone.crossing(ray.origin, ray.direction, [ray.tnear, ray.tfar])?;
     Some(Hit { t: hit.t, u: hit.along, v: 0.0, normal: hit.normal })
@@ -163,9 +169,12 @@ fn visit(geometry: &Geometry, ray: &mut Ray, mut found: impl FnMut(usize, &Hit) 
             }
         }
         Geometry::Discs(discs) => {
-            let items = discs.center.iter().zip(&discs.radius).zip(&discs.normal);
-            for (index, ((center, &radius), normal)) in items.enumerate() {
-                let hit = disc(ray, center.as_dvec3(), radius.into(), normal.as_dvec3());
+            for (index, (center, &radius)) in discs.center.iter().zip(&discs.radius).enumerate() {
+                let (center, radius) = (center.as_dvec3(), radius.into());
+                let hit = match &discs.normal {
+                    Some(normal) => disc(ray, center, radius, normal[index].as_dvec3()),
+                    None => facing(ray, center, radius),
+                };
                 if offer(ray, index, hit) {
                     return;
                 }

@@ -101,9 +101,15 @@ impl EmbreeAccel {
                     Particles::Clusters(simd) => user(&mut builder, *part, clusters::of_spheres(spheres, simd))?,
                     Particles::Points => builder.spheres(*part, &spheres.center, &spheres.radius)?,
                 },
-                Geometry::Discs(discs) => match particles {
-                    Particles::Clusters(simd) => user(&mut builder, *part, clusters::of_discs(discs, simd))?,
-                    Particles::Points => builder.discs(*part, &discs.center, &discs.radius, &discs.normal)?,
+                Geometry::Discs(discs) => match (particles, &discs.normal) {
+                    (Particles::Clusters(simd), _) => user(&mut builder, *part, clusters::of_discs(discs, simd))?,
+                    (Particles::Points, Some(normal)) => {
+                        builder.discs(*part, &discs.center, &discs.radius, normal)?;
+                    }
+                    // Embree's own turn to a ray's direction, not to its origin.
+                    (Particles::Points, None) => {
+                        user(&mut builder, *part, clusters::of_discs(discs, SimdLevel::detect()))?;
+                    }
                 },
                 Geometry::Curves(curves) => match particles {
                     Particles::Clusters(simd) => user(&mut builder, *part, clusters::of_curves(curves, simd))?,

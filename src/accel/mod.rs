@@ -11,6 +11,8 @@ pub mod columns;
 #[cfg(test)]
 mod curve_tests;
 pub mod embree;
+#[cfg(test)]
+mod facing_tests;
 mod lanes;
 mod pair;
 mod patches;
@@ -112,7 +114,7 @@ pub struct HitBatch {
     /// Second surface coordinate: within the patch (0..1 along z), or a triangle's weight of its third vertex.
     pub v: Vec<f32>,
     /// Geometric normal, not normalised: x, y, z. A surface's own; outward for spheres (hit - centre), curves and for triangles
-    /// that are counter-clockwise seen from outside; a disc's as given.
+    /// that are counter-clockwise seen from outside; a disc's as given, or to the ray's origin from its centre.
     pub normal: [Vec<f32>; 3],
     /// The solver could not decide: counted, and reported to whoever asked.
     pub gave_up: Vec<bool>,
@@ -156,7 +158,7 @@ pub enum Geometry {
     Lanes(Arc<dyn LaneSurface>),
     /// Spheres.
     Spheres(Arc<Spheres>),
-    /// Oriented discs.
+    /// Discs.
     Discs(Arc<Discs>),
     /// Round curves.
     Curves(Arc<Curves>),
@@ -281,7 +283,9 @@ fn check(geometry: &[(u32, Geometry)]) -> Result<(), AccelError> {
             Geometry::Spheres(spheres) => same(part, "radii", spheres.radius.len(), spheres.center.len())?,
             Geometry::Discs(discs) => {
                 same(part, "radii", discs.radius.len(), discs.center.len())?;
-                same(part, "normals", discs.normal.len(), discs.center.len())?;
+                if let Some(normal) = &discs.normal {
+                    same(part, "normals", normal.len(), discs.center.len())?;
+                }
             }
             Geometry::Curves(curves) => same(part, "pairs of radii", curves.radius.len(), curves.ends.len())?,
             Geometry::Triangles(mesh) => {
@@ -443,7 +447,7 @@ mod tests {
     #[test]
     fn a_ray_inside_a_sphere_or_near_a_disc_hits_it() {
         let spheres = Spheres { center: vec![Vec3::ZERO], radius: vec![2.0] };
-        let discs = Discs { center: vec![Vec3::ZERO], radius: vec![3.0], normal: vec![Vec3::Z] };
+        let discs = Discs { center: vec![Vec3::ZERO], radius: vec![3.0], normal: Some(vec![Vec3::Z]) };
         for (geometry, t, normal) in
             [(Geometry::Spheres(Arc::new(spheres)), 2.5, 2.0), (Geometry::Discs(Arc::new(discs)), 0.5, 1.0)]
         {
@@ -563,7 +567,7 @@ mod tests {
         let part = |shape| Part { name: String::new(), material: Material::Spray { first: 0 }, shape };
         let mesh = Triangles { position: vec![Vec3::ZERO; 3], normal: Vec::new(), index: vec![[0, 1, 2], [0, 1, 3]] };
         let spheres = Spheres { center: vec![Vec3::ZERO; 2], radius: vec![1.0] };
-        let discs = Discs { center: vec![Vec3::ZERO], radius: vec![1.0], normal: Vec::new() };
+        let discs = Discs { center: vec![Vec3::ZERO], radius: vec![1.0], normal: Some(Vec::new()) };
         for (shape, expected) in [
             (
                 Shape::Triangles(Arc::new(mesh)),

@@ -81,7 +81,7 @@ pub(super) fn random_scene(seed: u64) -> Vec<(u32, Geometry)> {
     let radius = |random: &mut Random| (0..count).map(|_| 0.1 + random.unit()).collect::<Vec<_>>();
     let spheres = Spheres { center: center(&mut random), radius: radius(&mut random) };
     let normal = (0..count).map(|_| random.vector(1.0).normalize_or(Vec3::Y)).collect();
-    let discs = Discs { center: center(&mut random), radius: radius(&mut random), normal };
+    let discs = Discs { center: center(&mut random), radius: radius(&mut random), normal: Some(normal) };
     let mut mesh = Triangles::default();
     for index in 0..count {
         let corner = random.vector(10.0);

@@ -135,6 +135,8 @@ impl Built {
             bed: self.lowered.bed.as_deref(),
             foam: None,
             mist: self.lowered.mist.as_deref(),
+            rainbow: None,
+            textures: None,
         };
         let moments = [Moment {
             time: 0.0,

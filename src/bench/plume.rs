@@ -65,7 +65,7 @@ pub fn spheres(count: usize) -> Spheres {
 pub fn discs(spheres: &Spheres) -> Discs {
     let eye = work::eye(MAP.map(|n| n as f64)).as_vec3();
     let normal = spheres.center.iter().map(|&center| (eye - center).normalize_or(Vec3::Y)).collect();
-    Discs { center: spheres.center.clone(), radius: spheres.radius.clone(), normal }
+    Discs { center: spheres.center.clone(), radius: spheres.radius.clone(), normal: Some(normal) }
 }
 
 /// The rays of a class, `share` of the full count.

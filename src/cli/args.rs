@@ -156,6 +156,10 @@ pub struct RenderArgs {
     /// Take the noise out of the beauty (Open Image Denoise); what it was stays as the layer `noisy`
     #[arg(long)]
     pub denoise: bool,
+    /// Write a deep EXR beside each EXR: NAME.deep.exr (output.deep.enabled; needs OpenImageIO)
+    #[arg(long)]
+    pub deep: bool,
+
     /// Compression of the EXR (output.compression)
     #[arg(long, value_name = "NAME", value_parser = names("output.compression"))]
     pub compression: Option<String>,
@@ -194,6 +198,7 @@ impl RenderArgs {
         option("--profile", "output.profile", self.profile.as_deref());
         option("--stereo", "camera.stereo", self.stereo.as_deref());
         option("--overscan", "output.overscan", self.overscan.as_deref());
+        option("--deep", "output.deep.enabled", self.deep.then_some("true"));
         overrides.extend(self.accuracy.iter().flat_map(Accuracy::overrides));
         overrides
     }
@@ -497,10 +502,7 @@ mod tests {
         assert_eq!((wide.output.profile, wide.output.overscan.as_deref()), (scene::Profile::Blender, Some("5%")));
         assert_eq!(wide.camera.stereo, Some(0.065));
         for (arguments, expected) in [
-            (
-                &["--overscan", "5"][..],
-                "--overscan: `output.overscan` = \"5\": expected a share of the frame up to 100%",
-            ),
+            (&["--overscan", "5"][..], "--overscan: `output.overscan` = 5: expected a share of the frame up to 100%"),
             (&["--stereo", "0.065", "--compression", "dwaa"], "since camera.stereo puts both eyes into one part"),
         ] {
             let error = load(arguments).expect_err("refused");

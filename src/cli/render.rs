@@ -19,8 +19,9 @@ use super::values::Bytes;
 use crate::denoise::{DenoiseReport, Denoiser};
 use crate::foam::{FoamField, FoamState};
 use crate::lower::{self, Environment, LoweredFrame};
-use crate::optics::Sky;
-use crate::output::{self, Picture, Window, WriteOptions, WriteReport, layers, naming};
+use crate::optics::{Rainbow, Sky};
+use crate::output::{self, DeepPicture, Metadata, Picture, Window, WriteOptions, WriteReport, layers, naming};
+use crate::particles::Textures;
 use crate::render::{self, CameraPath, Job, Looks, Mattes, RenderStats};
 use crate::scene::{self, LoadedScene, Overscan};
 use crate::simd::SimdLevel;
@@ -38,6 +39,10 @@ struct Run<'a> {
     options: WriteOptions,
     environment: Environment,
     sky: Sky,
+    /// How drops scatter sunlight, where the scene asks.
+    rainbow: Option<Rainbow>,
+    /// What is on billboards.
+    textures: Option<Textures>,
     path: CameraPath,
     crop: Option<Window>,
     simd: SimdLevel,
@@ -168,6 +173,14 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
             output::check(&naming::with_frame(output, number), &options).map_err(anyhow::Error::from)?;
         }
     }
+    if settings.output.deep.enabled {
+        let by_default = [PathBuf::from("scene.exr")];
+        for output in deep_outputs(if outputs.is_empty() { &by_default } else { &outputs }) {
+            for &number in &numbers {
+                output::check_deep(&naming::with_frame(&output, number)).map_err(anyhow::Error::from)?;
+            }
+        }
+    }
     // Loaded before the first ray: a library that is missing must not cost hours.
     let denoiser = arguments
         .denoise
@@ -176,6 +189,9 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
         .map_err(|error| anyhow::Error::new(error).context("--denoise"))?;
     let environment = load::environment(&loaded, &frames)?;
     let sky = Sky::build(&settings.sky, &settings.sun, &loaded.directory).map_err(anyhow::Error::from)?;
+    let particles = &settings.particles;
+    let rainbow = (particles.rainbow > 0.0).then(|| Rainbow::build(particles.rainbow_spread));
+    let textures = Textures::load(particles, &loaded.directory).map_err(anyhow::Error::from)?;
     let path = camera_path(&loaded, &frames)?;
     Ok(Run {
         arguments,
@@ -185,6 +201,8 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
         options,
         environment,
         sky,
+        rainbow,
+        textures,
         path,
         crop,
         simd,
@@ -255,7 +273,14 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
     let build_s = clock.elapsed().as_secs_f64();
 
     let clock = Instant::now();
-    let looks: Vec<_> = moments.iter().map(|moment| moment.matter.looks(&moment.lowered)).collect();
+    let looks: Vec<_> = moments
+        .iter()
+        .map(|moment| Looks {
+            rainbow: run.rainbow.as_ref(),
+            textures: run.textures.as_ref(),
+            ..moment.matter.looks(&moment.lowered)
+        })
+        .collect();
     let shown: Vec<_> = moments
         .iter()
         .zip(&looks)
@@ -267,7 +292,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
             water: moment.lowered.water.as_deref(),
         })
         .collect();
-    let (mut pictures, mut render, mut denoise) = (Vec::new(), RenderStats::default(), None);
+    let (mut pictures, mut render, mut denoise, mut deep) = (Vec::new(), RenderStats::default(), None, None);
     let eyes = settings.camera.stereo.map_or(vec![0.0], |apart| vec![-0.5 * apart, 0.5 * apart]);
     for aside in eyes {
         let job = Job {
@@ -290,6 +315,11 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
             (Some(one), Some(other)) => Some(both_eyes(one, other)),
             (one, other) => other.or(one),
         };
+        // Its colour is the finished picture's, before layers of that are left out. No scene has both eyes and deep samples.
+        if settings.output.deep.enabled && picture.metadata.complete {
+            let samples = render::render_deep(&job, &picture, stop.flag(), progress);
+            deep = Some(samples.map_err(anyhow::Error::from)?);
+        }
         let names = run.arguments.layers.as_deref().unwrap_or_default();
         layers::select(&mut picture, names).map_err(anyhow::Error::from)?;
         pictures.push(picture);
@@ -303,7 +333,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
     let render_s = clock.elapsed().as_secs_f64();
 
     let clock = Instant::now();
-    let files = write(run, number, &mut picture)?;
+    let files = write(run, number, &mut picture, deep)?;
     Ok(FrameStats {
         frame: number,
         load_s,
@@ -342,7 +372,12 @@ fn both_eyes(one: DenoiseReport, other: DenoiseReport) -> DenoiseReport {
 }
 
 /// Writes the picture to all its files; a picture that was stopped goes to names that say so.
-fn write(run: &Run, number: i64, picture: &mut Picture) -> Result<Vec<WriteReport>, CliError> {
+fn write(
+    run: &Run,
+    number: i64,
+    picture: &mut Picture,
+    deep: Option<DeepPicture>,
+) -> Result<Vec<WriteReport>, CliError> {
     let settings = &run.loaded.scene;
     picture.metadata.owner = settings.output.owner.clone();
     picture.metadata.comments = settings.output.comments.clone();
@@ -357,7 +392,23 @@ fn write(run: &Run, number: i64, picture: &mut Picture) -> Result<Vec<WriteRepor
         let path = if picture.metadata.complete { path } else { naming::partial(&path) };
         files.push(write_one(picture, &path, &run.options)?);
     }
+    if let Some(mut deep) = deep {
+        deep.metadata = Metadata { complete: deep.metadata.complete, ..picture.metadata.clone() };
+        for pattern in deep_outputs(patterns) {
+            let path = naming::with_frame(&pattern, number);
+            let path = if deep.metadata.complete { path } else { naming::partial(&path) };
+            let written = output::write_deep(&deep, &path, &run.options);
+            files.push(written.with_context(|| format!("cannot write {}", path.display()))?);
+        }
+    }
     Ok(files)
+}
+
+/// The names of the deep pictures beside those of flat ones: of EXRs, or, where there are none, of all, which will be refused.
+fn deep_outputs(outputs: &[PathBuf]) -> Vec<PathBuf> {
+    let is_exr = |path: &&PathBuf| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
+    let exr: Vec<PathBuf> = outputs.iter().filter(is_exr).map(|path| naming::deep(path)).collect();
+    if exr.is_empty() { outputs.iter().map(|path| naming::deep(path)).collect() } else { exr }
 }
 
 fn write_one(picture: &Picture, path: &Path, options: &WriteOptions) -> Result<WriteReport, CliError> {
@@ -400,6 +451,8 @@ impl MatterOfFrame {
             bed: lowered.bed.as_deref(),
             foam: self.foam.as_ref(),
             mist: lowered.mist.as_deref(),
+            rainbow: None,
+            textures: None,
         }
     }
 }

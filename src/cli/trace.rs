@@ -6,7 +6,7 @@
 //!
 //! *Where rays begin:* `t = 0` counts. A ray that begins on a spline surface to the last bit of double precision hits it
 //! at 0, whichever way it goes; one that begins beside it is judged in double precision, however near that is.
-//! Billboards have no eye to face here and are traced as spheres, streaks in
+//! Billboards face each ray (those that would face an eye have none here and are traced as spheres), streaks have
 //! their own width; a tessellation by screen error takes its fixed count.
 
 mod answers;

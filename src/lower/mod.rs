@@ -69,7 +69,7 @@ pub enum Shape {
     Sides(Arc<Sides>),
     /// Spheres: the spray, or one boulder.
     Spheres(Arc<Spheres>),
-    /// Discs with normals of their own: billboards.
+    /// Discs: billboards.
     Discs(Arc<Discs>),
     /// Round curves: streaks of spray.
     Curves(Arc<Curves>),
@@ -86,15 +86,16 @@ pub struct Spheres {
     pub radius: Vec<f32>,
 }
 
-/// Oriented discs, one array per field.
+/// Discs, one array per field.
 #[derive(Clone, Debug, Default)]
 pub struct Discs {
     /// Centres.
     pub center: Vec<Vec3>,
     /// Radii, positive.
     pub radius: Vec<f32>,
-    /// Unit normals.
-    pub normal: Vec<Vec3>,
+    /// Unit normals; `None`: each disc faces the origin of the ray that asks, and a ray that starts within a disc's radius of
+    /// its centre does not meet it.
+    pub normal: Option<Vec<Vec3>>,
 }
 
 /// Round, straight curves, one array per field: each the hull of the balls at its two ends.

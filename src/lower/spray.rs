@@ -8,7 +8,7 @@ use super::memory::{Account, Counts};
 use super::{Curves, Discs, LowerError, Material, Shape, Spheres, Triangles, scene_origin};
 use crate::mist::{self, Droplets, Mist, MistSettings};
 use crate::particles::{self, Class, Judged, Shares, Sight, Spray};
-use crate::scene::{DropMatter, ParticleRepresentation, Scene};
+use crate::scene::{DropMatter, Facing, ParticleRepresentation, Scene};
 use crate::simd::SimdLevel;
 use crate::state::{Frame, Particles};
 use crate::surface::{SplineSurface, control};
@@ -224,9 +224,11 @@ pub(super) fn parts(
         let water = settings.matter == DropMatter::Water && class != Class::Bubble;
         let spray_material = Material::Spray { first: range.start as u32 };
         let (center, radius) = (spray.position[range.clone()].to_vec(), spray.drawn_radius(range.clone()));
-        let (material, shape) = match (drawn_as(class), eye) {
-            (ParticleRepresentation::Billboards, Some((eye, _))) => {
-                let normal = particles::facing(&spray.part(range), eye.as_vec3()).normal;
+        let facing = (drawn_as(class) == ParticleRepresentation::Billboards).then_some(settings.billboard.facing);
+        let (material, shape) = match (facing, eye) {
+            (Some(Facing::Ray), _) => (spray_material, Shape::Discs(Arc::new(Discs { center, radius, normal: None }))),
+            (Some(Facing::Eye), Some((eye, _))) => {
+                let normal = Some(particles::facing(&spray.part(range), eye.as_vec3()).normal);
                 (spray_material, Shape::Discs(Arc::new(Discs { center, radius, normal })))
             }
             _ => {

@@ -5,6 +5,9 @@
 
 mod attributes;
 pub mod cryptomatte;
+mod deep;
+#[cfg(feature = "oiio")]
+mod deep_file;
 mod display;
 mod error;
 mod exr_file;
@@ -23,6 +26,9 @@ mod whole_file;
 use std::path::{Path, PathBuf};
 
 pub use cryptomatte::Cryptomatte;
+pub use deep::{DeepPicture, DeepSample};
+#[cfg(feature = "oiio")]
+pub use deep_file::read_deep;
 pub use error::OutputError;
 pub use exr_read::read_exr;
 #[cfg(feature = "oiio")]
@@ -263,6 +269,36 @@ pub fn write(picture: &Picture, path: &Path, options: &WriteOptions) -> Result<W
         _ => display::write(picture, path, format, options)?,
     };
     Ok(WriteReport { path: path.to_path_buf(), bytes, saturated, saturated_pixels })
+}
+
+/// Everything about a deep target that can be known before hours of rendering.
+///
+/// *Errors*: no EXR, OpenImageIO not built in, a target that cannot be written.
+pub fn check_deep(path: &Path) -> Result<(), OutputError> {
+    if Format::of(path)? != Format::Exr {
+        let what = "only EXR has deep samples; give --deep an output that ends in .exr".into();
+        return Err(OutputError::Unsupported { path: path.to_path_buf(), what });
+    }
+    if cfg!(not(feature = "oiio")) {
+        return Err(OutputError::OiioNotBuilt { path: path.to_path_buf() });
+    }
+    whole_file::check_target(path).map(|_| ())
+}
+
+/// Writes a deep picture (`deepscanline`, ZIPS) under its final name when, and only when, it is whole.
+///
+/// *Errors*: those of [`check_deep`]; samples that are not finite or not tidy; metadata that no file can hold; the
+/// system's. An older file under that name stays unless the new one is whole.
+pub fn write_deep(picture: &DeepPicture, path: &Path, options: &WriteOptions) -> Result<WriteReport, OutputError> {
+    check_deep(path)?;
+    #[cfg(feature = "oiio")]
+    let bytes = deep_file::write(picture, path, options)?;
+    #[cfg(not(feature = "oiio"))]
+    let bytes = {
+        let _ = (picture, options);
+        0
+    };
+    Ok(WriteReport { path: path.to_path_buf(), bytes, saturated: 0, saturated_pixels: 0 })
 }
 
 fn uses_oiio(format: Format, options: &WriteOptions) -> bool {

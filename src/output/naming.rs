@@ -55,6 +55,21 @@ pub fn partial(path: &Path) -> PathBuf {
     path.with_file_name(name)
 }
 
+/// The name of the deep picture beside a flat one: `NAME.deep.exr` for `NAME.exr`, `NAME.deep.####.exr` for `NAME.####.exr`.
+pub fn deep(pattern: &Path) -> PathBuf {
+    let Some(stem) = pattern.file_stem().map(|stem| stem.to_string_lossy().into_owned()) else {
+        return pattern.to_path_buf();
+    };
+    let stem = match stem.rsplit_once('.') {
+        Some((name, number)) if !number.is_empty() && number.chars().all(|c| c == '#') => {
+            format!("{name}.deep.{number}")
+        }
+        _ => format!("{stem}.deep"),
+    };
+    let extension = pattern.extension().map(|e| format!(".{}", e.to_string_lossy())).unwrap_or_default();
+    pattern.with_file_name(stem + &extension)
+}
+
 /// A name for several frames: `NAME.####.exr` for `NAME.exr`, unless the file's name says already where the number goes.
 pub fn numbered(pattern: &Path) -> PathBuf {
     let Some(stem) = pattern.file_stem() else { return pattern.to_path_buf() };
@@ -103,6 +118,14 @@ mod tests {
     fn stopped_pictures_have_a_name_of_their_own() {
         assert_eq!(partial(Path::new("o/a.0042.exr")), Path::new("o/a.0042.partial.exr"));
         assert_eq!(partial(Path::new("a.png")), Path::new("a.partial.png"));
+    }
+
+    #[test]
+    fn deep_pictures_stand_beside_flat_ones() {
+        assert_eq!(deep(Path::new("o/r.exr")), Path::new("o/r.deep.exr"));
+        assert_eq!(deep(Path::new("o/r.####.exr")), Path::new("o/r.deep.####.exr"));
+        assert_eq!(deep(Path::new("r_####.exr")), Path::new("r_####.deep.exr"));
+        assert_eq!(deep(Path::new("r.0001.exr")), Path::new("r.0001.deep.exr"));
     }
 
     #[test]

@@ -167,7 +167,7 @@ fn copy(a: &OiioAttribute) -> OiioAttribute {
 }
 
 /// The picture's attributes under the names that OpenImageIO translates for each format.
-fn oiio_attributes(picture: &Picture, options: &WriteOptions) -> Result<Vec<OiioAttribute>, OutputError> {
+pub(super) fn oiio_attributes(picture: &Picture, options: &WriteOptions) -> Result<Vec<OiioAttribute>, OutputError> {
     use AttributeValue as V;
     let empty = |name: &str, kind| OiioAttribute {
         name: name.into(),
@@ -235,7 +235,7 @@ fn verify(written: &Path, name: &Path, picture: &Picture, parts: &[Part]) -> Res
 }
 
 /// OpenImageIO takes paths as UTF-8.
-fn text_of(path: &Path) -> Result<&str, OutputError> {
+pub(super) fn text_of(path: &Path) -> Result<&str, OutputError> {
     path.to_str().ok_or_else(|| OutputError::Unsupported {
         path: path.to_path_buf(),
         what: "OpenImageIO takes only file names in Unicode".into(),

@@ -1,4 +1,4 @@
-//! Spray: radius from mass, colour and opacity from speed and age, discs that face the eye, streaks along the flight; what
+//! Spray: radius from mass, colour and opacity from speed and age, discs that face the eye and what is on them, streaks along the flight; what
 //! each particle physically is, and the surface around those that hang together.
 //!
 //! Particles are single precision around the scene's origin, one array per field; where they are traced is not here.
@@ -12,6 +12,7 @@ mod seed;
 mod sheet;
 mod store;
 mod streak;
+mod texture;
 
 pub use appearance::{Appearance, appearance, mass, radius};
 pub use billboard::{Facing, facing};
@@ -22,3 +23,4 @@ pub use seed::{Purpose, seed, size_factor, uniform};
 pub use sheet::{Sheet, SheetError, sheet};
 pub use store::Spray;
 pub use streak::{Streaks, streaks};
+pub use texture::{Texel, TextureError, Textures, billboard_turn};

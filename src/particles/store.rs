@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::{math::scramble, scene, state};
 
-use super::{Appearance, Class, Shares, appearance, radius, seed, size_factor};
+use super::{Appearance, Class, Shares, appearance, radius, seed, size_factor, texture};
 
 /// Particles that can be drawn, in the order of the file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -28,6 +28,8 @@ pub struct Spray {
     seed: Vec<u32>,
     /// Factor on each cross section, for those that stand for their neighbours as well; empty where all are 1.
     cover: Vec<f32>,
+    /// Seconds since each broke free, by which textures go. Empty where none is drawn.
+    age: Vec<f32>,
     /// Particles left out because their radius is 0 (no mass, or a scale of 0).
     pub without_size: u64,
     /// Particles left out because their position, velocity or radius is beyond single precision.
@@ -58,6 +60,7 @@ impl Spray {
             seed: Vec::with_capacity(count),
             ..Self::default()
         };
+        let varied = texture::wanted(settings);
         for index in 0..count {
             let own = seed(particles, index, time);
             let spread = size_factor(own, settings.size_spread);
@@ -70,6 +73,9 @@ impl Spray {
                 spray.out_of_range += 1;
             } else {
                 let look = appearance(velocity.length(), particles.age[index], settings);
+                if varied {
+                    spray.age.push(particles.age[index] as f32);
+                }
                 spray.position.push(position);
                 spray.velocity.push(velocity.as_vec3());
                 spray.radius.push(size);
@@ -141,6 +147,7 @@ impl Spray {
         kept(&mut self.seed, &stays);
         kept(&mut self.cover, &stays);
         kept(&mut self.share, &stays);
+        kept(&mut self.age, &stays);
     }
 
     /// Leaves out the particles whose factor on their cross section is 0, and notes that of the others; before they are
@@ -272,10 +279,20 @@ impl Spray {
         range.map(|index| self.radius[index] * self.cover(index).sqrt()).collect()
     }
 
+    /// Seed and age (s) of particle `index`, where the spray was built for billboards with a texture.
+    #[inline]
+    pub fn variation(&self, index: usize) -> Option<(u32, f32)> {
+        self.age.get(index).map(|&age| (self.seed[index], age))
+    }
+
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
         let each = 2 * size_of::<Vec3>() + size_of::<f32>() + size_of::<[u16; 4]>() + size_of::<u32>();
-        (self.len() * each + size_of_val(&*self.share) + size_of_val(&*self.cover) + size_of_val(&*self.sheet)) as u64
+        (self.len() * each
+            + size_of_val(&*self.share)
+            + size_of_val(&*self.cover)
+            + size_of_val(&*self.sheet)
+            + size_of_val(&*self.age)) as u64
     }
 }
 

@@ -114,6 +114,8 @@ pub(super) struct PathState {
     pub(super) covered: bool,
     /// Nothing but sheets of water since it left a diffuse thing or mist in the air: links have brought the sun through them.
     pub(super) behind_sheets: bool,
+    /// Share of sun and lamps that the last event has found by asking alone: drops' own way of scattering.
+    pub(super) bow: f32,
 }
 
 /// Lights that an event has sent a ray of its own to.

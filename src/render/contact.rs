@@ -59,13 +59,22 @@ impl Contact {
                 Self::on(position, normal, normal, largest(position))
             }
             Shape::Discs(discs) => {
-                let (center, axis, radius) = (discs.center[index], discs.normal[index], discs.radius[index]);
+                let (center, radius) = (discs.center[index], discs.radius[index]);
+                let axis = discs.normal.as_ref().map(|normal| normal[index]);
+                let faces_ray = axis.is_none();
+                let axis = axis.unwrap_or_else(|| (origin - center).normalize_or(-direction));
                 let offset = along - center;
-                let offset = offset - axis * offset.dot(axis);
+                let mut offset = offset - axis * offset.dot(axis);
+                if faces_ray {
+                    // No ray from within the ball meets the disc: where it was met is, after rounding as well.
+                    let room = radius * (1.0 - 8.0 * f32::EPSILON) - 4.0 * f32::EPSILON * largest(center);
+                    offset = offset.clamp_length_max(room.max(0.0));
+                }
                 // A billboard stands for a ball: it is shaded as the half that faces the eye.
                 let out = offset / radius;
                 let shading = (out + axis * (1.0 - out.length_squared()).max(0.0).sqrt()).normalize_or(axis);
-                Self::on(center + offset, axis, shading, largest(center))
+                let contact = Self::on(center + offset, axis, shading, largest(center));
+                if faces_ray { Self { error: 0.0, ..contact } } else { contact }
             }
             Shape::Curves(curves) => {
                 // Moved onto the ball that the curve touches there, in double precision: radii may be far under the

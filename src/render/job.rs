@@ -49,6 +49,16 @@ pub struct Job<'a> {
     pub aside: f64,
 }
 
+impl Job<'_> {
+    /// The camera so many frames after the frame's own time.
+    pub(super) fn camera(&self, time: f64) -> Camera {
+        let (lens, settings) = (&self.scene.camera, &self.scene.render);
+        Camera::new(self.path.pose(self.frame as f64 + time), (settings.width, settings.height), lens.f_number)
+            .with_pixel_aspect(lens.pixel_aspect)
+            .aside(self.aside)
+    }
+}
+
 /// What there is at one moment of the shutter.
 #[derive(Clone, Copy)]
 pub struct Moment<'a> {
@@ -116,11 +126,7 @@ pub fn render_frame(
     if job.moments.is_empty() {
         return Err(RenderError::NoMoment);
     }
-    let lens = &job.scene.camera;
-    let camera = |time: f64| {
-        let pose = job.path.pose(job.frame as f64 + time);
-        Camera::new(pose, size, lens.f_number).with_pixel_aspect(lens.pixel_aspect).aside(job.aside)
-    };
+    let camera = |time: f64| job.camera(time);
     let shared = Shared::new(job.scene, job.sky);
     let mut names = Names::new(job.mattes);
     let moments = job

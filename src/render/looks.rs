@@ -6,7 +6,8 @@ use super::{GroundLook, Matter, SprayLook};
 use crate::{
     foam::{Aeration, FoamField, FoamLook},
     mist::Mist,
-    particles,
+    optics::Rainbow,
+    particles::{self, Texel, Textures},
     surface::SplineSurface,
     terrain::{Ground, GroundPoint, SkyView, Waterline},
 };
@@ -30,6 +31,10 @@ pub struct Looks<'a> {
     pub foam: Option<&'a FoamField>,
     /// The mist; `None` without any.
     pub mist: Option<&'a Mist>,
+    /// How drops scatter sunlight; `None` where the scene does not ask.
+    pub rainbow: Option<&'a Rainbow>,
+    /// What is on billboards; `None` for plain discs.
+    pub textures: Option<&'a Textures>,
 }
 
 impl Matter for Looks<'_> {
@@ -63,6 +68,19 @@ impl Matter for Looks<'_> {
 
     fn mist(&self) -> Option<&Mist> {
         self.mist
+    }
+
+    fn drop_radius(&self, index: u32) -> Option<f32> {
+        Some(self.spray.radius[index as usize])
+    }
+
+    fn rainbow(&self) -> Option<&Rainbow> {
+        self.rainbow
+    }
+
+    fn texture(&self, index: u32, place: [f32; 2]) -> Option<Texel> {
+        let (seed, age) = self.spray.variation(index as usize)?;
+        Some(self.textures?.at(seed, age, place))
     }
 
     fn most_bubbles(&self) -> f32 {

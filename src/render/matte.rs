@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::{film::Layer, wave::Arrival, world::World};
+use super::{film::Layer, spray::Drops, wave::Arrival, world::World};
 use crate::lower::{Material, Shape};
 
 /// Spray that a ray passes before it takes the next for opaque; a ball counts twice, in and out.
@@ -82,6 +82,8 @@ pub(super) struct Matte {
     pub(super) own_layer: Layer,
     /// Depth (m) under the water's surface; 0 in the air.
     pub(super) depth: f32,
+    /// It is a drop in the air.
+    pub(super) drops: Option<Drops>,
 }
 
 impl Matte {
@@ -108,6 +110,7 @@ impl World<'_> {
             velocity: Vec3::ZERO,
             own_layer: Layer::Terrain,
             depth: if carrier.in_water { self.depth_at(contact.position) } else { 0.0 },
+            drops: None,
         };
         match &part.material {
             Material::Ground => {
@@ -122,12 +125,16 @@ impl World<'_> {
                 if ball && direction.dot(contact.normal) > 0.0 && carrier.passed < PASSES {
                     return None;
                 }
-                let look = self.matter.spray(first + *primitive);
+                let look = self.spray_look(part, first + *primitive, *primitive, contact);
                 matte.own_layer = Layer::Spray;
                 matte.velocity = look.velocity;
                 matte.opacity = look.opacity;
                 if !ball {
                     matte.facing = None;
+                }
+                if self.bow.is_some() && !carrier.in_water {
+                    let radius = self.matter.drop_radius(first + *primitive);
+                    matte.drops = radius.map(|radius| Drops { direction: *direction, radius, diffract: false });
                 }
                 matte.albedo = look.albedo;
                 // Under water light comes from above alone, by ways that ask for a normal.

@@ -12,6 +12,7 @@ use super::{
     film::{Layer, Place},
     matte::{Line, cosine},
     path_tracer::Asker,
+    spray::Drops,
     world::{SUN, World},
 };
 use crate::{
@@ -36,6 +37,8 @@ pub(super) struct Receiver<'a> {
     pub(super) facing: Option<Vec3>,
     /// It is a streak too thin to be seen as round.
     pub(super) line: Option<Line>,
+    /// It is a drop in the air.
+    pub(super) drops: Option<Drops>,
     /// Share of radiance that reaches the sample, albedo and 1/pi included.
     pub(super) weight: Vec3,
     pub(super) in_water: bool,
@@ -77,9 +80,9 @@ impl World<'_> {
                 }
             }
         } else {
-            let cosine = receiver.cosine(self.sun.direction);
-            if cosine > 0.0 && self.sun.irradiance.max_element() > 0.0 {
-                carrier.light = receiver.weight * self.sun.irradiance * cosine;
+            let gain = self.gain(receiver, self.sun.direction);
+            if gain != Vec3::ZERO && self.sun.irradiance.max_element() > 0.0 {
+                carrier.light = receiver.weight * self.sun.irradiance * gain;
                 self.push_shadow(receiver.contact, self.sun.direction, f32::INFINITY, carrier, scratch);
             }
         }
@@ -87,15 +90,21 @@ impl World<'_> {
             let to_lamp = lamp.position - receiver.contact.position;
             let distance = to_lamp.length();
             let direction = to_lamp / distance;
-            let cosine = receiver.cosine(direction);
-            if cosine > 0.0 {
+            let gain = self.gain(receiver, direction);
+            if gain != Vec3::ZERO {
                 carrier.group = lamp.group;
-                carrier.light = receiver.weight * lamp.intensity * (cosine / (distance * distance));
+                carrier.light = receiver.weight * lamp.intensity * gain / (distance * distance);
                 // The lamp is a point: nothing at its very place stands in the way.
                 let reach = distance * (1.0 - 4.0 * f32::EPSILON);
                 self.push_shadow(receiver.contact, direction, reach, carrier, scratch);
             }
         }
+    }
+
+    /// Radiance against irradiance, times pi: the cosine, in part what drops scatter.
+    fn gain(&self, receiver: &Receiver, to_light: Vec3) -> Vec3 {
+        let (bow, drops) = self.bow(receiver.drops.as_ref(), to_light);
+        Vec3::splat((1.0 - bow) * receiver.cosine(to_light)) + std::f32::consts::PI * drops
     }
 
     /// The sun as the water's surface focuses it on a diffuse point under water.
@@ -117,6 +126,7 @@ impl World<'_> {
             value: &value,
             layer: receiver.layer,
             caustic_layer: receiver.layer,
+            drops: None,
         };
         self.ask_sun_by_surface(&asker, scratch);
     }
@@ -165,9 +175,11 @@ impl World<'_> {
         let (t, part) = (scratch.hits.t[index], scratch.hits.part[index]);
         let reach = scratch.shadow.rays.tfar[index];
         let (origin, mut direction) = (scratch.shadow.rays.origin(index), scratch.shadow.rays.direction(index));
+        let begin = scratch.shadow.rays.tnear[index];
+        let begun = origin + begin * direction;
         if part == NO_PART {
             if !carrier.in_water {
-                carrier.share *= self.clear_of_mist(origin, direction, reach);
+                carrier.share *= self.clear_of_mist(begun, direction, (reach - begin).max(0.0));
             }
             let path = match (carrier.in_water, carrier.bent) {
                 (false, _) => 0.0,
@@ -189,7 +201,7 @@ impl World<'_> {
                 if outward {
                     carrier.light *= transmittance(self.water.absorption, t);
                 } else {
-                    carrier.share *= self.clear_of_mist(origin, direction, t);
+                    carrier.share *= self.clear_of_mist(begun, direction, t - begin);
                 }
                 if carrier.bent {
                     // The beam's own losses at the surface are in its irradiance already.
@@ -203,11 +215,11 @@ impl World<'_> {
             }
             Material::Spray { first } => {
                 if !carrier.in_water {
-                    carrier.share *= self.clear_of_mist(origin, direction, t);
+                    carrier.share *= self.clear_of_mist(begun, direction, t - begin);
                 }
                 // A ball is met twice, on the way in and on the way out, and counts once.
                 if !outward || matches!(part.shape, Shape::Discs(_)) {
-                    carrier.share *= 1.0 - self.matter.spray(first + primitive).opacity;
+                    carrier.share *= 1.0 - self.spray_look(part, first + primitive, primitive, &contact).opacity;
                 }
             }
             Material::Ground | Material::Diffuse(_) | Material::VertexColours(_) => return,
@@ -216,10 +228,13 @@ impl World<'_> {
         if carrier.share < LEAST_SHARE || carrier.crossed > CROSSINGS {
             return;
         }
-        carrier.distance += t;
-        let start = contact.leave(direction);
+        carrier.distance += t - begin;
+        let (start, tnear) = Self::behind(part, &contact, origin, direction, t);
+        // The end stays where it is.
+        let end = if tnear > 0.0 { reach } else { reach - t };
+        let tolerance = self.secondary_tolerance_at((carrier.distance - tnear).max(0.0));
         let next = &mut scratch.next_shadow;
-        next.rays.push(start, direction, 0.0, reach - t, self.secondary_tolerance_at(carrier.distance));
+        next.rays.push(start, direction, tnear, end, tolerance);
         next.carriers.push(carrier);
     }
 }

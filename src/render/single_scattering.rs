@@ -98,7 +98,8 @@ impl World<'_> {
         scratch: &mut Scratch,
     ) {
         let mut ask = |to_light: Vec3, reach: f32, irradiance: Vec3, group: u16| {
-            let share = share * PHASE.value(direction.dot(to_light));
+            let (bow, drops) = self.bow(self.mist_drops(direction).as_ref(), to_light);
+            let share = share * (Vec3::splat((1.0 - bow) * PHASE.value(direction.dot(to_light))) + drops);
             let light = share * irradiance;
             if light.max_element() <= 0.0 {
                 return;

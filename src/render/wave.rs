@@ -24,10 +24,13 @@ const CHUNK: u32 = 16_384;
 /// A ray that ended, and where.
 pub(super) struct Arrival<'a> {
     pub(super) carrier: Carrier,
+    /// Where it has been taken to before.
     pub(super) origin: Vec3,
     pub(super) direction: Vec3,
-    /// Metres of the ray.
+    /// Metres from there.
     pub(super) t: f32,
+    /// The ray's own origin and t, which are the same unless it has passed billboards that turn to it.
+    pub(super) whole: (Vec3, f32),
     pub(super) part: &'a Part,
     pub(super) primitive: u32,
     pub(super) place: [f32; 2],
@@ -242,10 +245,12 @@ impl World<'_> {
                 let carrier = scratch.wave.carriers[index];
                 let (origin, direction) = (scratch.wave.rays.origin(index), scratch.wave.rays.direction(index));
                 let hit = scratch.hits.part[index];
+                let begin = scratch.wave.rays.tnear[index];
+                let start = origin + begin * direction;
                 if hit == NO_PART {
                     match self.integrator {
-                        Integrator::Whitted => self.escape(carrier, origin, direction, scratch),
-                        Integrator::Path => self.path_escape(carrier, origin, direction, scratch),
+                        Integrator::Whitted => self.escape(carrier, start, direction, scratch),
+                        Integrator::Path => self.path_escape(carrier, start, direction, scratch),
                     }
                     continue;
                 }
@@ -256,7 +261,18 @@ impl World<'_> {
                 let given = Vec3::from_array(std::array::from_fn(|axis| scratch.hits.normal[axis][index]));
                 let contact = Contact::new(part, primitive, place, origin, direction, t, given);
                 let seen = self.things.part(hit as usize);
-                let arrival = Arrival { carrier, origin, direction, t, part, primitive, place, contact, seen };
+                let arrival = Arrival {
+                    carrier,
+                    origin: start,
+                    direction,
+                    t: t - begin,
+                    whole: (origin, t),
+                    part,
+                    primitive,
+                    place,
+                    contact,
+                    seen,
+                };
                 match self.integrator {
                     Integrator::Whitted => self.arrive(arrival, scratch),
                     Integrator::Path => self.path_arrive(arrival, scratch),

@@ -35,7 +35,8 @@ pub(super) const LEAST_THROUGHPUT: f32 = 1.0 / 2048.0;
 enum Kind {
     Reflection,
     Refraction,
-    Transparency,
+    /// Origin, least t and tolerance of the ray that goes on.
+    Transparency((Vec3, f32, f32)),
 }
 
 impl World<'_> {
@@ -125,6 +126,7 @@ impl World<'_> {
             normal,
             facing: Some(contact.normal),
             line: None,
+            drops: None,
             weight,
             in_water: false,
             depth: 0.0,
@@ -167,6 +169,7 @@ impl World<'_> {
                     normal,
                     facing: Some(side(contact.normal)),
                     line: None,
+                    drops: None,
                     weight,
                     in_water: false,
                     depth: 0.0,
@@ -278,13 +281,18 @@ impl World<'_> {
             scratch.film.add_guide(carrier.place.pixel, carrier.guide, Vec3::ONE, Vec3::ZERO);
             return;
         }
+        let tolerance = self.secondary_tolerance_at(carrier.distance);
+        let mut start = (contact.leave(direction), 0.0, tolerance);
         match kind {
             Kind::Reflection => scratch.counts.reflection += 1,
             Kind::Refraction => scratch.counts.refraction += 1,
-            Kind::Transparency => scratch.counts.transparency += 1,
+            Kind::Transparency(behind) => {
+                scratch.counts.transparency += 1;
+                start = behind;
+            }
         }
-        let origin = contact.leave(direction);
-        scratch.next.rays.push(origin, direction, 0.0, f32::INFINITY, self.secondary_tolerance_at(carrier.distance));
+        let (origin, tnear, tolerance) = start;
+        scratch.next.rays.push(origin, direction, tnear, f32::INFINITY, tolerance);
         scratch.next.carriers.push(carrier);
     }
 
@@ -293,7 +301,7 @@ impl World<'_> {
         let Some(mut matte) = self.matte(arrival) else {
             // From inside a droplet: its share was taken on the way in.
             let on = Carrier { passed: carrier.passed + 1, ..*carrier };
-            self.spawn(on, *direction, contact, Kind::Transparency, scratch);
+            self.spawn(on, *direction, contact, Kind::Transparency(self.behind_arrival(arrival)), scratch);
             return;
         };
         // What would not be followed is taken for spray, so that it keeps its share of light.
@@ -301,7 +309,7 @@ impl World<'_> {
         if behind < LEAST_THROUGHPUT || carrier.passed >= PASSES {
             matte.opacity = 1.0;
         }
-        let Matte { albedo, normal, facing, line, sky_view, opacity, velocity, own_layer, depth } = matte;
+        let Matte { albedo, normal, facing, line, sky_view, opacity, velocity, own_layer, depth, drops } = matte;
         if carrier.primary {
             self.offer(arrival, normal, velocity, 0.0, scratch);
         }
@@ -327,6 +335,7 @@ impl World<'_> {
             normal,
             facing,
             line,
+            drops,
             weight,
             in_water: carrier.in_water,
             depth,
@@ -345,7 +354,7 @@ impl World<'_> {
                 sight,
                 ..*carrier
             };
-            self.spawn(behind, *direction, contact, Kind::Transparency, scratch);
+            self.spawn(behind, *direction, contact, Kind::Transparency(self.behind_arrival(arrival)), scratch);
         }
     }
 

@@ -8,7 +8,8 @@ use crate::{
     foam::{Aeration, FoamLook},
     lower::{Lowered, Material},
     mist::Mist,
-    optics::{Interface, Medium, Sky, SkySampler, Sun, fresnel, highlight::Lobe},
+    optics::{Interface, Medium, Rainbow, Sky, SkySampler, Sun, fresnel, highlight::Lobe},
+    particles::Texel,
     scene,
 };
 
@@ -17,6 +18,7 @@ use super::{
     caustics::{BeamError, BeamMap, BeamSun, Manifold},
     cryptomatte::{Names, Things},
     single_scattering,
+    spray::Bow,
 };
 
 /// The look of the ground at a point.
@@ -66,6 +68,18 @@ pub trait Matter: Sync {
     }
     /// The mist in the air; `None` where there is none.
     fn mist(&self) -> Option<&Mist> {
+        None
+    }
+    /// Radius (m) of particle `index` as a drop of water; `None` where it is none.
+    fn drop_radius(&self, _index: u32) -> Option<f32> {
+        None
+    }
+    /// How drops scatter sunlight; `None` where nobody asks.
+    fn rainbow(&self) -> Option<&Rainbow> {
+        None
+    }
+    /// The texture of particle `index` as a billboard at x, y, each -1 to 1 over its disc, y upright; `None` without one.
+    fn texture(&self, _index: u32, _place: [f32; 2]) -> Option<Texel> {
         None
     }
     /// The bubbles in the water under its surface at x, z; `None` where there are none.
@@ -256,6 +270,8 @@ pub(super) struct World<'a> {
     pub(super) most_bubbles: f32,
     /// The mist in the air, if there is any.
     pub(super) mist: Option<&'a Mist>,
+    /// Drops scatter light as water does.
+    pub(super) bow: Option<Bow<'a>>,
     /// Mean radiance of the sky and the far ground, all around.
     pub(super) mean_sky: Vec3,
     /// What Cryptomatte tells apart.
@@ -343,6 +359,11 @@ impl<'a> World<'a> {
             most_bubbles: matter.most_bubbles(),
             mist,
             things,
+            bow: matter.rainbow().filter(|_| scene.particles.rainbow > 0.0).map(|rainbow| Bow {
+                rainbow,
+                share: scene.particles.rainbow as f32,
+                mist_radius: scene.particles.droplet_radius as f32,
+            }),
             mean_sky: single_scattering::mean_radiance(sky),
             may_thin: lowered
                 .parts

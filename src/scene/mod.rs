@@ -3,6 +3,7 @@
 //! [`load()`] is the way in. Whether the files that a scene names exist is not looked at here: the rooms that read them say so.
 
 mod check;
+mod deep;
 mod document;
 mod errors;
 mod foam;
@@ -18,6 +19,7 @@ mod types;
 mod water;
 mod water_types;
 
+pub use deep::{Deep, DeepWater};
 pub use errors::{Place, SceneError, SceneErrors};
 pub use foam::{Foam, FoamLimits, FoamRate};
 pub use load::{LoadedScene, MOST_BYTES, load};
@@ -26,7 +28,7 @@ pub use overscan::Overscan;
 pub use rendering::*;
 pub use shape::{names_of, schema};
 pub use simulation::*;
-pub use spray::{Classes, DropMatter, Sheet};
+pub use spray::{Billboard, Classes, DropMatter, Facing, Sheet};
 pub use types::*;
 pub use water::*;
 pub use water_types::{Coefficients, WAVELENGTHS, absorption_of, diffuse_attenuation};

@@ -132,6 +132,13 @@ impl Rules<'_> {
             let expected = "\"zip\", \"zips\", \"piz\" or \"none\", since camera.stereo puts both eyes into one part";
             self.inconsistent("output.compression", expected);
         }
+        let both = self.sound(&["camera.stereo", "output.deep"]);
+        if both && scene.camera.stereo.is_some() && scene.output.deep.enabled {
+            self.inconsistent(
+                "output.deep.enabled",
+                "false, since camera.stereo renders for two eyes and a deep file holds one",
+            );
+        }
     }
 
     fn overscan(&mut self, scene: &Scene) {
@@ -169,6 +176,8 @@ impl Rules<'_> {
             ("sky.below", &sky.below),
         ];
         let single = single.into_iter().filter_map(|(key, path)| Some((key.to_owned(), path.as_deref()?)));
+        let single =
+            single.chain([("particles.billboard.texture".to_owned(), scene.particles.billboard.texture.as_str())]);
         let meshes = scene.environment.meshes.iter().enumerate();
         let meshes = meshes.map(|(index, path)| (format!("environment.meshes.{index}"), path.as_str()));
         for (key, _) in single.chain(meshes).filter(|(_, path)| path.is_empty()) {

@@ -1,4 +1,5 @@
-//! `[particles.classes]` and `[particles.sheet]`: what spray is taken for and how it is joined, as plain data. Part of the
+//! `[particles.billboard]`, `[particles.classes]` and `[particles.sheet]`: what spray looks like, what it is taken for and how
+//! it is joined, as plain data. Part of the
 //! list of keys in `types`.
 //!
 //! What the keys do is in the room `particles`.
@@ -15,6 +16,35 @@ pub enum DropMatter {
     Diffuse,
     /// The water's own: each is a drop.
     Water,
+}
+
+/// Where billboards look.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Facing {
+    /// To the camera, from wherever they are seen.
+    Eye,
+    /// To where each ray comes from: to the eye, to its mirror image, to the light that is asked for.
+    #[default]
+    Ray,
+}
+
+/// `[particles.billboard]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Billboard {
+    /// `ray` or `eye`.
+    pub facing: Facing,
+    /// `none`: opaque discs; `droplet`: soft drops, broken up; or the name of an image (.png, .exr), or of many with `####`.
+    pub texture: String,
+    /// Numbered images to a second of a particle's age; it keeps the last one.
+    #[schemars(range(min = 0.0, max = 100000.0))]
+    pub image_fps: f64,
+}
+impl Default for Billboard {
+    fn default() -> Self {
+        Self { facing: Facing::Ray, texture: "none".into(), image_fps: 24.0 }
+    }
 }
 
 /// `[particles.classes]`.

@@ -7,7 +7,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Classes, DropMatter, Foam, Light, Render, Sheet, Simulation, Water};
+use super::{Billboard, Classes, Deep, DropMatter, Foam, Light, Render, Sheet, Simulation, Water};
 
 /// A whole scene file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -289,6 +289,15 @@ pub struct Particles {
     /// Width (m) of a particle's cloud as mist: two standard deviations, four voxels of the grid.
     #[schemars(range(min = 0.001, max = 10000.0))]
     pub mist_width: f64,
+    /// Discs that stand for particles.
+    pub billboard: Billboard,
+    /// Share of the light of sun and lamps that spray and mist scatter as drops of water do, by angle and colour, instead of
+    /// by their plain phase functions.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub rainbow: f64,
+    /// Standard deviation of the radii of drops that a rainbow is made by, as a share of each particle's.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub rainbow_spread: f64,
 }
 impl Default for Particles {
     fn default() -> Self {
@@ -311,6 +320,9 @@ impl Default for Particles {
             droplet_radius: 5e-5,
             mist_share: 0.002,
             mist_width: 0.25,
+            billboard: Billboard::default(),
+            rainbow: 0.0,
+            rainbow_spread: 0.1,
         }
     }
 }
@@ -654,4 +666,6 @@ pub struct Output {
     pub owner: Option<String>,
     /// Recorded in the file.
     pub comments: Option<String>,
+    /// The deep picture.
+    pub deep: Deep,
 }

@@ -38,6 +38,8 @@ pub(super) struct SphereBlock {
 pub(super) struct DiscBlock {
     center: [Vec4; 3],
     normal: [Vec4; 3],
+    /// Those that face each ray's origin, whose normals are not read.
+    facing: BVec4A,
     radius_squared: Vec4,
     number: [u32; BLOCK],
 }
@@ -112,7 +114,7 @@ impl Leaves {
                         block.number[lane] = number;
                     }
                 }
-                Primitive::Disc { center, radius, normal } => {
+                primitive @ (Primitive::Disc { center, radius, .. } | Primitive::Facing { center, radius }) => {
                     let lane = used[1] % BLOCK;
                     used[1] += 1;
                     if lane == 0 {
@@ -120,7 +122,10 @@ impl Leaves {
                     }
                     if let Some(block) = self.discs.last_mut() {
                         set(&mut block.center, lane, center);
-                        set(&mut block.normal, lane, normal);
+                        match primitive {
+                            Primitive::Disc { normal, .. } => set(&mut block.normal, lane, normal),
+                            _ => block.facing.set(lane, true),
+                        }
                         block.radius_squared[lane] = radius * radius;
                         block.number[lane] = number;
                     }
@@ -362,6 +367,7 @@ impl DiscBlock {
     const UNUSED: Self = Self {
         center: [Vec4::ZERO; 3],
         normal: [Vec4::ZERO; 3],
+        facing: BVec4A::FALSE,
         radius_squared: Vec4::NEG_ONE,
         number: [UNUSED; BLOCK],
     };
@@ -370,9 +376,12 @@ impl DiscBlock {
     fn test(&self, ray: &LeafRay, best: &mut Best) -> bool {
         let to_center = sub(self.center, ray.origin);
         // A ray within the plane makes it infinite or NaN, and then the distance from the centre NaN, which no comparison accepts.
-        let t = dot(to_center, self.normal) / dot(ray.direction, self.normal);
+        let normal = [0, 1, 2].map(|axis| Vec4::select(self.facing, to_center[axis], self.normal[axis]));
+        let t = dot(to_center, normal) / dot(ray.direction, normal);
         let away = sub(scale(ray.direction, t), to_center);
-        let hit = dot(away, away).cmple(self.radius_squared) & t.cmpge(Vec4::splat(ray.tnear));
+        // What faces the ray's origin is not met from within its ball.
+        let outside = dot(to_center, to_center).cmpgt(self.radius_squared) | !self.facing;
+        let hit = dot(away, away).cmple(self.radius_squared) & outside & t.cmpge(Vec4::splat(ray.tnear));
         let mut found = false;
         for lane in lanes(hit) {
             found |= best.offer(t[lane], self.number[lane], 0.0, 0.0);

@@ -51,9 +51,24 @@ impl Aabb {
 /// One primitive by value.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::accel) enum Primitive {
-    Sphere { center: Vec3, radius: f32 },
-    Disc { center: Vec3, radius: f32, normal: Vec3 },
-    Curve { ends: [Vec3; 2], radius: [f32; 2] },
+    Sphere {
+        center: Vec3,
+        radius: f32,
+    },
+    Disc {
+        center: Vec3,
+        radius: f32,
+        normal: Vec3,
+    },
+    /// A disc that faces each ray's origin.
+    Facing {
+        center: Vec3,
+        radius: f32,
+    },
+    Curve {
+        ends: [Vec3; 2],
+        radius: [f32; 2],
+    },
     Triangle([Vec3; 3]),
 }
 
@@ -63,7 +78,7 @@ impl Primitive {
     /// A triangle's grows by `pad` (see [`Objects::pad`]).
     pub(in crate::accel) fn bounds(&self, pad: f64) -> Option<Aabb> {
         let bounds = match *self {
-            Self::Sphere { center, radius } => {
+            Self::Sphere { center, radius } | Self::Facing { center, radius } => {
                 let reach = DVec3::splat(radius.into());
                 (radius > 0.0).then(|| Aabb::outward(center.as_dvec3() - reach, center.as_dvec3() + reach))?
             }
@@ -95,7 +110,7 @@ impl Primitive {
     /// A box around what lies in a cell, within `bounds` and the cell; `None` if nothing does.
     pub(super) fn cut(&self, bounds: Aabb, cell: Aabb, pad: f64) -> Option<Aabb> {
         let within = match *self {
-            Self::Sphere { center, radius } => sphere_in(center, radius, cell)?,
+            Self::Sphere { center, radius } | Self::Facing { center, radius } => sphere_in(center, radius, cell)?,
             Self::Disc { .. } | Self::Curve { .. } => cell,
             Self::Triangle(corners) => triangle_in(corners, cell, pad)?,
         };
@@ -109,6 +124,7 @@ impl Primitive {
             // From the centre rather than from the hit's place, which would lose its last bits far from zero.
             Self::Sphere { center, .. } => t * direction - (center - origin),
             Self::Disc { normal, .. } => normal,
+            Self::Facing { center, .. } => origin - center,
             Self::Curve { ends, radius } => {
                 let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
                 let cone = RoundCone::new(ends.map(|end| end.as_dvec3()), radius.map(f64::from));
@@ -241,11 +257,13 @@ impl Objects {
             Geometry::Spheres(spheres) => {
                 Primitive::Sphere { center: spheres.center[index], radius: spheres.radius[index] }
             }
-            Geometry::Discs(discs) => Primitive::Disc {
-                center: discs.center[index],
-                radius: discs.radius[index],
-                normal: discs.normal[index],
-            },
+            Geometry::Discs(discs) => {
+                let (center, radius) = (discs.center[index], discs.radius[index]);
+                match &discs.normal {
+                    Some(normal) => Primitive::Disc { center, radius, normal: normal[index] },
+                    None => Primitive::Facing { center, radius },
+                }
+            }
             Geometry::Curves(curves) => Primitive::Curve { ends: curves.ends[index], radius: curves.radius[index] },
             Geometry::Triangles(mesh) => {
                 Primitive::Triangle(mesh.index[index].map(|corner| mesh.position[corner as usize]))
@@ -264,7 +282,7 @@ mod tests {
     fn points(primitive: &Primitive, random: &mut Random) -> Vec<DVec3> {
         (0..200)
             .map(|_| match *primitive {
-                Primitive::Sphere { center, radius } => {
+                Primitive::Sphere { center, radius } | Primitive::Facing { center, radius } => {
                     center.as_dvec3() + random.vector(1.0).as_dvec3().normalize_or(DVec3::X) * f64::from(radius)
                 }
                 Primitive::Disc { center, radius, normal } => {

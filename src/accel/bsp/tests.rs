@@ -60,6 +60,7 @@ fn awkward_rays(tree: &Bsp, seed: u64) -> RayBatch {
             origin = match tree.objects.get(number) {
                 primitive::Primitive::Sphere { center, .. } => center,
                 primitive::Primitive::Disc { center, normal, .. } => center + 0.5 * normal,
+                primitive::Primitive::Facing { center, radius } => center + 0.5 * radius * Vec3::X,
                 primitive::Primitive::Curve { ends, .. } => ends[0],
                 primitive::Primitive::Triangle(corners) => corners[0] + random.vector(0.5),
             };
@@ -199,7 +200,7 @@ fn scenes_that_are_hardly_one_are_held() {
     let line = (0..500).map(|k| Vec3::new(k as f32 * 0.01, 0.0, 0.0)).collect();
     let flat = (0..400).map(|k| Vec3::new((k % 20) as f32 * 0.3 - 3.0, 1.0, (k / 20) as f32 * 0.3 - 3.0));
     let (flat, count): (Vec<_>, _) = (flat.collect(), 400);
-    let discs = Discs { normal: vec![Vec3::Y; count], radius: vec![0.2; count], center: flat };
+    let discs = Discs { normal: Some(vec![Vec3::Y; count]), radius: vec![0.2; count], center: flat };
     let wide = Triangles {
         position: vec![Vec3::new(-9.0, 0.5, -9.0), Vec3::new(9.0, 0.5, -9.0), Vec3::new(0.0, 0.5, 9.0)],
         normal: Vec::new(),

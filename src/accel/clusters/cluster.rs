@@ -50,6 +50,11 @@ pub(super) struct SphereCluster {
     number: [u32; WIDTH],
 }
 
+/// Discs that face each ray's origin, kept as the balls that hold them.
+#[derive(Clone, Copy, Debug)]
+#[repr(transparent)]
+pub(super) struct FacingCluster(pub(super) SphereCluster);
+
 /// Oriented discs.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
@@ -106,6 +111,23 @@ fn disc<S: Simd>(s: S, center: [S::F; 3], radius: S::F, normal: [S::F; 3], rays:
         rays.direction[2] * t - to_center[2],
     ];
     (s.le(dot(s, away, away), radius * radius) & s.le(rays.tnear, t), t)
+}
+
+/// A disc square to the line from the ray's origin to its centre. Origins within the ball do not meet it: one on the disc
+/// itself, from which a ray is sent on, is within.
+#[inline(always)]
+fn facing<S: Simd>(s: S, center: [S::F; 3], radius: S::F, rays: &Rays<S>) -> (S::M, S::F) {
+    let to_center = less::<S>(center, rays.origin);
+    let squared = dot(s, to_center, to_center);
+    // A ray square to the line makes it infinite, and the distance from the centre as well; one that goes away, negative.
+    let t = squared / dot(s, rays.direction, to_center);
+    let away = [
+        rays.direction[0] * t - to_center[0],
+        rays.direction[1] * t - to_center[1],
+        rays.direction[2] * t - to_center[2],
+    ];
+    let within = radius * radius;
+    (s.le(dot(s, away, away), within) & s.lt(within, squared) & s.le(rays.tnear, t), t)
 }
 
 /// Vectors of the particles (or rays) from `from` on.
@@ -168,6 +190,34 @@ impl Cluster for SphereCluster {
     fn normal(&self, slot: usize, origin: Vec3, direction: Vec3, t: f32) -> Vec3 {
         // From the centre rather than from the hit's place, which would lose its last bits far from zero.
         t * direction - (Vec3::from(self.center.each_ref().map(|axis| axis[slot])) - origin)
+    }
+}
+
+impl Cluster for FacingCluster {
+    const EMPTY: Self = Self(SphereCluster::EMPTY);
+
+    #[inline(always)]
+    fn hits<S: Simd>(&self, s: S, from: usize, ray: &Rays<S>) -> (S::M, S::F) {
+        facing(s, loaded(s, &self.0.center, from), s.load(&self.0.radius[from..]), ray)
+    }
+    #[inline(always)]
+    fn hits_on<S: Simd>(&self, s: S, slot: usize, rays: &Rays<S>) -> (S::M, S::F) {
+        facing(s, splat(s, &self.0.center, slot), s.splat(self.0.radius[slot]), rays)
+    }
+    #[inline(always)]
+    fn center(&self) -> &[[f32; WIDTH]; 3] {
+        &self.0.center
+    }
+    #[inline(always)]
+    fn radius(&self) -> &[f32; WIDTH] {
+        &self.0.radius
+    }
+    #[inline(always)]
+    fn number(&self, slot: usize) -> u32 {
+        self.0.number[slot]
+    }
+    fn normal(&self, slot: usize, origin: Vec3, _direction: Vec3, _t: f32) -> Vec3 {
+        origin - Vec3::from(self.0.center.each_ref().map(|axis| axis[slot]))
     }
 }
 

@@ -18,7 +18,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use self::build::Record;
-use self::cluster::{Cluster, DiscCluster, SphereCluster};
+use self::cluster::{Cluster, DiscCluster, FacingCluster, SphereCluster};
 use self::curve::CurveCluster;
 use self::walk::{Found, Walk};
 use super::bsp::primitive::{Aabb, Primitive};
@@ -62,14 +62,28 @@ pub(super) fn of_spheres(spheres: &Spheres, simd: SimdLevel) -> Arc<dyn LaneSurf
 
 /// Groups discs, as [`of_spheres`].
 pub(super) fn of_discs(discs: &Discs, simd: SimdLevel) -> Arc<dyn LaneSurface> {
+    let Some(normals) = &discs.normal else { return of_facing(discs, simd) };
     let bounds = |record: &Record| {
-        let normal = discs.normal[record.number as usize];
+        let normal = normals[record.number as usize];
         Primitive::Disc { center: record.center, radius: record.radius, normal }.bounds(0.0)
     };
     let group = |records: &[Record]| {
         let mut cluster = DiscCluster::EMPTY;
         for (slot, record) in records.iter().enumerate() {
-            cluster.put(slot, record, discs.normal[record.number as usize]);
+            cluster.put(slot, record, normals[record.number as usize]);
+        }
+        cluster
+    };
+    Arc::new(Cloud::new(&discs.center, &discs.radius, &group, &bounds, simd))
+}
+
+/// Groups discs that face each ray's origin: anywhere in their balls.
+fn of_facing(discs: &Discs, simd: SimdLevel) -> Arc<dyn LaneSurface> {
+    let bounds = |record: &Record| Primitive::Facing { center: record.center, radius: record.radius }.bounds(0.0);
+    let group = |records: &[Record]| {
+        let mut cluster = FacingCluster(SphereCluster::EMPTY);
+        for (slot, record) in records.iter().enumerate() {
+            cluster.0.put(slot, record);
         }
         cluster
     };

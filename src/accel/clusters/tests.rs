@@ -23,7 +23,7 @@ fn particles(count: usize, seed: u64) -> (Spheres, Discs) {
     }
     discs.center.clone_from(&spheres.center);
     discs.radius.clone_from(&spheres.radius);
-    discs.normal.extend((0..count).map(|_| random.vector(1.0).normalize_or(Vec3::Y)));
+    discs.normal = Some((0..count).map(|_| random.vector(1.0).normalize_or(Vec3::Y)).collect());
     (spheres, discs)
 }
 
@@ -36,11 +36,18 @@ fn clouds(count: usize, seed: u64) -> Vec<(String, Arc<dyn LaneSurface>, Geometr
         let name = |kind| format!("{kind}, {}", level.name());
         clouds.push((name("spheres"), of_spheres(&spheres, level), Geometry::Spheres(Arc::clone(&spheres))));
         let curves = Arc::new(Curves {
-            ends: spheres.center.iter().zip(&discs.normal).map(|(&head, &way)| [head, head + 0.5 * way]).collect(),
+            ends: spheres
+                .center
+                .iter()
+                .zip(discs.normal.iter().flatten())
+                .map(|(&head, &way)| [head, head + 0.5 * way])
+                .collect(),
             radius: spheres.radius.iter().map(|&radius| [0.5 * radius, 0.1 * radius]).collect(),
         });
         clouds.push((name("curves"), of_curves(&curves, level), Geometry::Curves(curves)));
         clouds.push((name("discs"), of_discs(&discs, level), Geometry::Discs(Arc::clone(&discs))));
+        let facing = Arc::new(Discs { normal: None, ..Discs::clone(&discs) });
+        clouds.push((name("facing discs"), of_discs(&facing, level), Geometry::Discs(facing)));
     }
     clouds
 }
@@ -215,7 +222,7 @@ fn what_no_ray_can_hit_is_left_out_and_numbers_stay() {
     let hits =
         closest(of_spheres(&spheres, SimdLevel::detect()).as_ref(), &LaneRays::unbounded(&[(Vec3::ZERO, x)], 0.0));
     assert_eq!((hits.hit, hits.primitive[0], hits.t[0]), (1, 3, 4.5));
-    let discs = Discs { center: vec![x, 2.0 * x], radius: vec![1.0; 2], normal: vec![Vec3::ZERO, x] };
+    let discs = Discs { center: vec![x, 2.0 * x], radius: vec![1.0; 2], normal: Some(vec![Vec3::ZERO, x]) };
     let hits = closest(of_discs(&discs, SimdLevel::detect()).as_ref(), &LaneRays::unbounded(&[(Vec3::ZERO, x)], 0.0));
     assert_eq!((hits.hit, hits.primitive[0], hits.t[0]), (1, 1, 2.0));
     let nothing = of_spheres(&Spheres::default(), SimdLevel::detect());

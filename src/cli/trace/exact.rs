@@ -174,7 +174,10 @@ impl<'a> Exact<'a> {
                 let hit = curves.cone(index).crossing(o + d * t, d, [begin - t, f64::INFINITY]);
                 hit.map_or(Polished { t, normal }, |hit| Polished { t: t + hit.t, normal: hit.normal })
             }
-            Self::Discs(discs) => plane(discs.center[index].as_dvec3(), discs.normal[index].as_dvec3()),
+            Self::Discs(discs) => {
+                let center = discs.center[index].as_dvec3();
+                plane(center, discs.normal.as_ref().map_or(o - center, |normal| normal[index].as_dvec3()))
+            }
             Self::Triangles(mesh) => {
                 let [a, b, c] = mesh.index[index].map(|vertex| mesh.position[vertex as usize].as_dvec3());
                 plane(a, (b - a).cross(c - a))

@@ -54,6 +54,7 @@ impl World<'_> {
             covered,
             fresh: false,
             behind_sheets: false,
+            bow: 0.0,
             ..carrier.path
         };
         let child = Carrier { depth: carrier.depth + 1, sight: Sight::Over, ..*carrier };

@@ -12,6 +12,7 @@ use super::{
         caustics::{Connection, Event, Target},
         contact::Contact,
         film::Layer,
+        spray::Drops,
         world::{Lamp, SUN, World},
     },
     Link, Purpose,
@@ -30,6 +31,8 @@ pub(in crate::render) struct Asker<'a> {
     /// Share (1/sr) of light from a direction that goes on along the path, cosine included.
     pub(in crate::render) value: &'a dyn Fn(Vec3) -> f32,
     pub(in crate::render) layer: Layer,
+    /// Drops that scatter light in their own way, where it comes straight.
+    pub(in crate::render) drops: Option<Drops>,
     /// Layer of light that the surface bends.
     pub(in crate::render) caustic_layer: Layer,
 }

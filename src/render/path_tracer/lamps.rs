@@ -41,12 +41,14 @@ impl World<'_> {
         }
         let Some(aim) = lamp.aim(asker.position, [u, v]) else { return };
         let value = (asker.value)(aim.direction);
-        if value <= 0.0 {
+        let (bow, drops) = self.bow(asker.drops.as_ref(), aim.direction);
+        if value <= 0.0 && drops == Vec3::ZERO {
             return;
         }
         // A point has no density that chance could meet.
         let by_asking = if lamp.radius > 0.0 { share(aim.density / count as f32, value) } else { 1.0 };
-        let mut light = carrier.throughput * aim.light * (value * by_asking * count as f32);
+        let scattered = Vec3::splat((1.0 - bow) * value * by_asking) + drops;
+        let mut light = carrier.throughput * aim.light * scattered * count as f32;
         if carrier.in_water {
             light *= self.medium.transmittance(aim.reach)
                 * self.past_bubbles(carrier, asker.position, aim.direction, aim.reach, 1, scratch);

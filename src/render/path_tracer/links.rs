@@ -158,13 +158,13 @@ impl World<'_> {
         if let Material::Spray { first } = part.material {
             // A ball is met twice, on the way in and on the way out, and counts once.
             if cosine <= 0.0 || matches!(part.shape, Shape::Discs(_)) {
-                link.share *= 1.0 - self.matter.spray(first + primitive).opacity;
+                link.share *= 1.0 - self.spray_look(part, first + primitive, primitive, &contact).opacity;
             }
         } else {
             // Unbent: both borders take the reflectance at the angle in air.
             link.share *= 1.0 - self.water.reflectance(cosine.abs(), false);
             if link.in_water {
-                link.light *= self.medium.transmittance(t);
+                link.light *= self.medium.transmittance(t - scratch.links.rays.tnear[index]);
             }
             link.in_water = cosine <= 0.0;
         }
@@ -172,9 +172,12 @@ impl World<'_> {
         if link.share < LEAST_SHARE || link.crossed > CROSSINGS {
             return;
         }
-        link.distance += t;
-        let tolerance = self.secondary_tolerance_at(link.distance);
-        scratch.next_links.rays.push(contact.leave(direction), direction, 0.0, reach - t, tolerance);
+        link.distance += t - scratch.links.rays.tnear[index];
+        let (start, tnear) = Self::behind(part, &contact, origin, direction, t);
+        // The end stays where it is.
+        let end = if tnear > 0.0 { reach } else { reach - t };
+        let tolerance = self.secondary_tolerance_at((link.distance - tnear).max(0.0));
+        scratch.next_links.rays.push(start, direction, tnear, end, tolerance);
         scratch.next_links.loads.push(link);
     }
 }

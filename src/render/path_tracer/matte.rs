@@ -22,7 +22,7 @@ use crate::lower::Shape;
 impl World<'_> {
     /// A path that met something diffuse: it passes with the chance that it is let through, or is thrown back.
     pub(super) fn path_matte(&self, arrival: &Arrival, scratch: &mut Scratch) {
-        let Arrival { carrier, direction, contact, .. } = arrival;
+        let Arrival { carrier, direction, .. } = arrival;
         let [pick, u, v, chance] = self.numbers(carrier, Purpose::Way, scratch);
         let matte = self.matte(arrival);
         let opaque = matte.filter(|matte| pick < matte.opacity || carrier.passed >= PASSES);
@@ -34,8 +34,8 @@ impl World<'_> {
             let on = Carrier { passed: carrier.passed + 1, primary: false, ..*carrier };
             let on = Carrier { path: PathState { event: on.path.event + 1, ..on.path }, ..on };
             scratch.counts.transparency += 1;
-            let tolerance = self.secondary_tolerance_at(carrier.distance);
-            scratch.next.rays.push(contact.leave(*direction), *direction, 0.0, f32::INFINITY, tolerance);
+            let (origin, tnear, tolerance) = self.behind_arrival(arrival);
+            scratch.next.rays.push(origin, *direction, tnear, f32::INFINITY, tolerance);
             scratch.next.carriers.push(on);
             return;
         };
@@ -70,6 +70,7 @@ impl World<'_> {
             velocity: Vec3::ZERO,
             own_layer: Layer::Foam,
             depth: 0.0,
+            drops: None,
         };
         let [_, u, v, chance] = self.numbers(carrier, Purpose::Way, scratch);
         self.cover(carrier, self.things.foam_on(arrival.seen), 1.0, scratch);
@@ -124,6 +125,7 @@ impl World<'_> {
             fresh: true,
             covered: false,
             behind_sheets: false,
+            bow: matte.drops.and(self.bow).map_or(0.0, |bow| bow.share),
             ..carrier.path
         };
         let tolerance = self.secondary_tolerance_at(carrier.distance);
@@ -142,21 +144,28 @@ impl World<'_> {
     ) -> Asked {
         let contact = &arrival.contact;
         let [su, sv, ku, kv] = self.numbers(carrier, Purpose::Sky, scratch);
-        let ask = |direction: Vec3, density: f32, radiance: Vec3, group: u16, scratch: &mut Scratch| {
-            let cosine = matte.cosine(direction);
-            if cosine > 0.0 && density > 0.0 {
-                let value = cosine * FRAC_1_PI;
-                let light = carrier.throughput * radiance * (value / density * share(density, value));
+        let ask = |direction: Vec3,
+                   density: f32,
+                   radiance: Vec3,
+                   (bow, drops): (f32, Vec3),
+                   group: u16,
+                   scratch: &mut Scratch| {
+            let value = matte.cosine(direction) * FRAC_1_PI;
+            if (value > 0.0 || drops != Vec3::ZERO) && density > 0.0 {
+                let scattered = Vec3::splat((1.0 - bow) * value * share(density, value)) + drops;
+                let light = carrier.throughput * radiance * scattered / density;
                 let light = self.clamped(&carrier.path, light, scratch);
                 let link = Link { light, layer, group, through_sheets: group == SUN, ..Link::new(carrier) };
                 self.push_link(contact.leave(direction), direction, f32::INFINITY, link, scratch);
             }
         };
         if self.sun.irradiance.max_element() > 0.0 {
-            ask(self.sun.sample([su, sv]), self.sun.pdf(), self.sun.disc_radiance, SUN, scratch);
+            // The whole disc's mean is in the table: by the middle's direction, wherever on the disc is asked.
+            let bow = self.bow(matte.drops.as_ref(), self.sun.direction);
+            ask(self.sun.sample([su, sv]), self.sun.pdf(), self.sun.disc_radiance, bow, SUN, scratch);
         }
         if let Some((direction, density)) = self.sky_sampler.map(|sampler| sampler.sample([ku, kv])) {
-            ask(direction, density, self.sky.radiance(direction), SKY, scratch);
+            ask(direction, density, self.sky.radiance(direction), (0.0, Vec3::ZERO), SKY, scratch);
         }
         self.ask_on_matte(arrival, matte, carrier, [layer; 2], scratch);
         Asked::ALL
@@ -195,6 +204,7 @@ impl World<'_> {
             value: &value,
             layer,
             caustic_layer,
+            drops: matte.drops,
         };
         self.ask_lamp(&asker, scratch);
         match &self.beams {

@@ -57,10 +57,17 @@ impl World<'_> {
         carrier.guide = 0.0;
         let layer = carrier.layer.unwrap_or(Layer::Mist);
         let value = |to_light: Vec3| PHASE.value(direction.dot(to_light));
-        let ask = |to_light: Vec3, density: f32, radiance: Vec3, group: u16, scratch: &mut Scratch| {
+        let drops = self.mist_drops(direction);
+        let ask = |to_light: Vec3,
+                   density: f32,
+                   radiance: Vec3,
+                   (bow, drops): (f32, Vec3),
+                   group: u16,
+                   scratch: &mut Scratch| {
             if density > 0.0 {
                 let value = value(to_light);
-                let light = carrier.throughput * radiance * (value / density * share(density, value));
+                let scattered = Vec3::splat((1.0 - bow) * value * share(density, value)) + drops;
+                let light = carrier.throughput * radiance * scattered / density;
                 let light = self.clamped(&carrier.path, light, scratch);
                 let link = Link { light, layer, group, through_sheets: group == SUN, ..Link::new(&carrier) };
                 self.push_link(position, to_light, f32::INFINITY, link, scratch);
@@ -68,12 +75,14 @@ impl World<'_> {
         };
         let [su, sv, ku, kv] = self.numbers(&carrier, Purpose::Sky, scratch);
         if self.sun.irradiance.max_element() > 0.0 {
-            ask(self.sun.sample([su, sv]), self.sun.pdf(), self.sun.disc_radiance, SUN, scratch);
+            let bow = self.bow(drops.as_ref(), self.sun.direction);
+            ask(self.sun.sample([su, sv]), self.sun.pdf(), self.sun.disc_radiance, bow, SUN, scratch);
         }
         if let Some((to_sky, density)) = self.sky_sampler.map(|sampler| sampler.sample([ku, kv])) {
-            ask(to_sky, density, self.sky.radiance(to_sky), SKY, scratch);
+            ask(to_sky, density, self.sky.radiance(to_sky), (0.0, Vec3::ZERO), SKY, scratch);
         }
-        let asker = Asker { position, contact: None, carrier: &carrier, value: &value, layer, caustic_layer: layer };
+        let asker =
+            Asker { position, contact: None, carrier: &carrier, value: &value, layer, caustic_layer: layer, drops };
         self.ask_lamp(&asker, scratch);
         self.ask_sun_by_surface(&asker, scratch);
 
@@ -87,6 +96,7 @@ impl World<'_> {
             fresh: true,
             covered: false,
             behind_sheets: false,
+            bow: self.bow.map_or(0.0, |bow| bow.share),
             ..carrier.path
         };
         scratch.counts.scattered += 1;
@@ -94,10 +104,12 @@ impl World<'_> {
         self.go_on(Carrier { path, ..carrier }, position, on, tolerance, chance, scratch);
     }
 
-    /// Share of a link's light that mist leaves over the first `reach` metres of its leg under way, the `index`th.
+    /// Share of a link's light that mist leaves up to `reach` metres of its leg under way, the `index`th.
     pub(super) fn past_mist(&self, link: &Link, index: usize, reach: f32, scratch: &Scratch) -> f32 {
         let Some(mist) = self.mist.filter(|_| !link.in_water) else { return 1.0 };
-        let (origin, direction) = (scratch.links.rays.origin(index), scratch.links.rays.direction(index));
+        let direction = scratch.links.rays.direction(index);
+        let begin = scratch.links.rays.tnear[index];
+        let (origin, reach) = (scratch.links.rays.origin(index) + begin * direction, (reach - begin).max(0.0));
         let [_, _, a, b] = self.numbers_of(link.place, link.event, Purpose::Mist, scratch);
         // An event has several links, and a link several legs: each walks by numbers of its own.
         let way = u64::from(direction.x.to_bits()) << 32 | u64::from(direction.z.to_bits());

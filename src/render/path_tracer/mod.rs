@@ -149,6 +149,7 @@ impl World<'_> {
         self.add_light(&carrier, layer, SKY, throughput * sky * by_chance, scratch);
         if !carrier.path.covered && !carrier.path.behind_sheets && self.sun.contains(direction) {
             let by_chance = if carrier.path.asked.sun { share(carrier.path.density, self.sun.pdf()) } else { 1.0 };
+            let by_chance = by_chance * (1.0 - carrier.path.bow);
             self.add_light(&carrier, layer, SUN, throughput * self.sun.disc_radiance * by_chance, scratch);
         }
     }
@@ -231,7 +232,7 @@ impl World<'_> {
             1.0
         };
         let density = if carrier.in_water { self.density() } else { 1.0 };
-        let light = carrier.throughput * lamp.radiance() * (density * by_chance);
+        let light = carrier.throughput * lamp.radiance() * (density * by_chance * (1.0 - carrier.path.bow));
         self.add_light(carrier, carrier.layer.unwrap_or(Layer::Terrain), lamp.group, light, scratch);
     }
 

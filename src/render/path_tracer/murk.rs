@@ -82,7 +82,15 @@ impl World<'_> {
         carrier.guide = 0.0;
         let layer = carrier.layer.unwrap_or(Layer::Volume);
         let value = |to_light: Vec3| phase.value(direction.dot(to_light));
-        let asker = Asker { position, contact: None, carrier: &carrier, value: &value, layer, caustic_layer: layer };
+        let asker = Asker {
+            position,
+            contact: None,
+            carrier: &carrier,
+            value: &value,
+            layer,
+            caustic_layer: layer,
+            drops: None,
+        };
         self.ask_sun_by_surface(&asker, scratch);
         self.ask_lamp(&asker, scratch);
 
@@ -96,6 +104,7 @@ impl World<'_> {
             fresh: true,
             covered: false,
             behind_sheets: false,
+            bow: 0.0,
             ..carrier.path
         };
         scratch.counts.scattered += 1;

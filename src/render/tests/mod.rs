@@ -2,6 +2,8 @@
 
 mod analytic;
 mod cryptomatte;
+mod deep;
+mod drops;
 mod mist;
 mod paths;
 mod promises;
@@ -19,8 +21,9 @@ use crate::{
     foam::FoamLook,
     lower::{Lowered, Material, Part, Shape, Spheres, Triangles},
     mist::Mist,
-    optics::Sky,
-    output::Picture,
+    optics::{Rainbow, Sky},
+    output::{DeepPicture, Picture},
+    particles::Texel,
     scene::{Accel, ObjectsAccel, Scene, SkyKind, SolverKind, WaterAccel},
     simd::SimdLevel,
     surface::{Lattice, SplineSurface},
@@ -34,12 +37,26 @@ pub(super) struct Flat {
     pub(super) spray: SprayLook,
     pub(super) foam: Option<FoamLook>,
     pub(super) mist: Option<Mist>,
+    /// Radius of every drop.
+    pub(super) drop_radius: Option<f32>,
+    pub(super) rainbow: Option<Rainbow>,
+    pub(super) texture: Option<fn([f32; 2]) -> Texel>,
 }
 
 impl Default for Flat {
     fn default() -> Self {
         let spray = SprayLook { albedo: Vec3::splat(0.8), opacity: 0.7, velocity: Vec3::new(3.0, 1.0, 0.5) };
-        Self { water: None, bed: None, albedo: Vec3::splat(0.5), spray, foam: None, mist: None }
+        Self {
+            water: None,
+            bed: None,
+            albedo: Vec3::splat(0.5),
+            spray,
+            foam: None,
+            mist: None,
+            drop_radius: None,
+            rainbow: None,
+            texture: None,
+        }
     }
 }
 
@@ -64,6 +81,15 @@ impl Matter for Flat {
     }
     fn mist(&self) -> Option<&Mist> {
         self.mist.as_ref()
+    }
+    fn drop_radius(&self, _index: u32) -> Option<f32> {
+        self.drop_radius
+    }
+    fn rainbow(&self) -> Option<&Rainbow> {
+        self.rainbow.as_ref()
+    }
+    fn texture(&self, _index: u32, place: [f32; 2]) -> Option<Texel> {
+        self.texture.map(|texture| texture(place))
     }
 }
 
@@ -167,6 +193,20 @@ impl Setup {
     }
 
     pub(super) fn render_until(&self, stop: &AtomicBool, observer: &dyn Observer) -> (Picture, RenderStats) {
+        self.with_job(|job| render_frame(job, stop, observer).unwrap())
+    }
+
+    /// The picture and the deep one that belongs to it.
+    pub(super) fn render_deep(&self) -> (Picture, DeepPicture) {
+        self.with_job(|job| {
+            let stop = AtomicBool::new(false);
+            let flat = render_frame(job, &stop, &()).unwrap().0;
+            let deep = super::render_deep(job, &flat, &stop, &()).unwrap();
+            (flat, deep)
+        })
+    }
+
+    fn with_job<T>(&self, run: impl FnOnce(&Job) -> T) -> T {
         let sky = Sky::build(&self.scene.sky, &self.scene.sun, Path::new(".")).unwrap();
         let path = self.path();
         let all: Vec<&Lowered> = std::iter::once(&self.lowered).chain(&self.later).collect();
@@ -194,7 +234,7 @@ impl Setup {
             mattes: self.mattes,
             aside: 0.0,
         };
-        render_frame(&job, stop, observer).unwrap()
+        run(&job)
     }
 }
 
