@@ -4,6 +4,10 @@
 #include <cstdlib>
 #include <stdexcept>
 #include <utility>
+#include <vector>
+
+#include <OpenImageIO/strutil.h>
+#include <OpenImageIO/ustring.h>
 
 #include "whitewater/ffi/oiio.rs.h"
 
@@ -31,6 +35,12 @@ void put(OIIO::ImageSpec &spec, const OiioAttribute &attribute) {
     };
     switch (attribute.kind) {
     case OiioKind::Text: spec.attribute(name, plain(attribute.text)); return;
+    case OiioKind::Texts: {
+        std::vector<OIIO::ustring> lines;
+        for (const std::string &line : OIIO::Strutil::splits(plain(attribute.text), "\n")) lines.emplace_back(line);
+        spec.attribute(name, OIIO::TypeDesc(OIIO::TypeDesc::STRING, static_cast<int>(lines.size())), lines.data());
+        return;
+    }
     case OiioKind::Integer: return integers(OIIO::TypeInt, 1);
     case OiioKind::Rational: return integers(OIIO::TypeRational, 2);
     case OiioKind::TimeCode: return integers(OIIO::TypeTimeCode, 2);

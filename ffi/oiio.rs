@@ -15,6 +15,8 @@ pub(crate) mod bridge {
     /// What an attribute holds.
     enum OiioKind {
         Text,
+        /// Several texts, one a line.
+        Texts,
         Integer,
         Float,
         Vector2,

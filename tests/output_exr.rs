@@ -4,8 +4,8 @@
 use std::{path::Path, process::Command};
 
 use whitewater::{
-    output::{self, Channel, Metadata, OutputError, Picture, SampleType, Window, WriteOptions},
-    scene::{Compression, View, Writer},
+    output::{self, Channel, Cryptomatte, Metadata, OutputError, Picture, SampleType, Window, WriteOptions},
+    scene::{Compression, Profile, View, Writer},
 };
 
 /// A picture with every kind of channel, over a data window that is neither the frame nor inside it.
@@ -31,6 +31,9 @@ fn picture() -> Picture {
     for name in ["Z", "P.x", "P.y", "P.z", "forward.u", "forward.v", "water.depth", "CryptoObject00.r", "sampleCount"] {
         channels.push(channel(name, Float, 1e6));
     }
+    // Ids fill the whole range of single precision, both signs and all exponents.
+    let ids = (0..data.area()).map(|index| output::cryptomatte::id(&format!("particle{index}"))).collect();
+    channels.push(Channel { name: "CryptoObject00.b".into(), sample_type: Float, samples: ids });
     let rows = |add: f64| std::array::from_fn(|r| std::array::from_fn(|c| (4 * r + c) as f64 + add));
     let metadata = Metadata {
         world_to_camera: rows(0.25),
@@ -51,6 +54,12 @@ fn picture() -> Picture {
         seconds: 3.5,
         complete: true,
         denoiser: "Open Image Denoise 2.5.1".into(),
+        pixel_aspect: 1.0,
+        right_eye: None,
+        cryptomattes: vec![Cryptomatte {
+            layer: "CryptoObject".into(),
+            names: ["water", "равнина", "panel_\"0\""].map(str::to_owned).to_vec(),
+        }],
     };
     Picture { display: (32, 48), data, channels, metadata }
 }
@@ -132,6 +141,10 @@ fn assert_every_attribute(path: &Path, picture: &Picture) {
             ("whitewater:tolerance", text("0.02 px")),
             ("whitewater:seconds", V::F32(3.5)),
             ("whitewater:complete", V::I32(1)),
+            ("cryptomatte/3ae39a5/name", text("CryptoObject")),
+            ("cryptomatte/3ae39a5/hash", text("MurmurHash3_32")),
+            ("cryptomatte/3ae39a5/conversion", text("uint32_to_float32")),
+            ("cryptomatte/3ae39a5/manifest", text(&m.cryptomattes[0].manifest())),
             ("pixelAspectRatio", V::F32(1.0)),
             ("screenWindowCenter", V::FloatVec2(exr::math::Vec2(0.0, 0.0))),
             ("screenWindowWidth", V::F32(1.0)),
@@ -163,6 +176,109 @@ fn every_lossless_compression_gives_back_every_bit_and_attribute() {
         let close = |a: f64, b: f64| (a - b).abs() < 1e-6;
         assert!(close(found.metadata.fps, expected.metadata.fps));
         assert_eq!(found.metadata, Metadata { fps: found.metadata.fps, ..expected.metadata.clone() });
+    }
+}
+
+#[test]
+fn blender_s_names_keep_every_bit_under_every_compression() {
+    let directory = tempfile::tempdir().unwrap();
+    let expected = as_stored(picture());
+    for compression in [Compression::Zip, Compression::Dwaa] {
+        let path = directory.path().join("a.exr");
+        let options = WriteOptions { profile: Profile::Blender, ..options(compression) };
+        output::write(&picture(), &path, &options).unwrap();
+        let found = output::read_exr(&path).unwrap();
+        assert_eq!(found.channels.len(), expected.channels.len());
+        for (ours, theirs, sign) in [
+            ("Z", "ViewLayer.Depth.Z", 1.0),
+            ("P.y", "ViewLayer.Position.Y", 1.0),
+            ("N.y", "ViewLayer.Normal.Y", 1.0),
+            ("A", "ViewLayer.Combined.A", 1.0),
+            ("forward.u", "ViewLayer.Vector.Z", -1.0),
+            ("forward.v", "ViewLayer.Vector.W", -1.0),
+            ("CryptoObject00.b", "ViewLayer.CryptoObject00.b", 1.0),
+            ("water.depth", "ViewLayer.water_depth.X", 1.0),
+            ("sampleCount", "ViewLayer.Debug Sample Count.X", 1.0),
+        ] {
+            let [a, b] =
+                [expected.channel(ours), found.channel(theirs)].map(|c| c.unwrap_or_else(|| panic!("{theirs}")));
+            assert_eq!(a.sample_type, b.sample_type);
+            assert!(a.samples.iter().zip(&b.samples).all(|(a, b)| sign * a == *b), "{theirs} {compression:?}");
+        }
+        assert!(found.channel("ViewLayer.Combined.R").is_some());
+        assert_eq!(found.metadata.cryptomattes[0].layer, "ViewLayer.CryptoObject");
+        assert_eq!(found.metadata.cryptomattes[0].names, expected.metadata.cryptomattes[0].names);
+    }
+    // What shows the beauty alone is the same by any name.
+    let [one, other] = [Profile::Nuke, Profile::Blender].map(|profile| {
+        let path = directory.path().join("a.png");
+        output::write(&picture(), &path, &WriteOptions { profile, ..WriteOptions::default() }).unwrap();
+        std::fs::read(path).unwrap()
+    });
+    assert!(one == other);
+}
+
+#[test]
+fn two_eyes_share_a_file_and_keep_their_places() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.exr");
+    let left = picture();
+    let mut right = picture();
+    right.metadata.world_to_camera[3][0] = 99.0;
+    for (index, channel) in right.channels.iter_mut().enumerate() {
+        channel.samples[3] = 0.5 + index as f32;
+    }
+    let both = output::pair(left.clone(), right.clone());
+    let write = |options: &WriteOptions| {
+        output::write(&both, &path, options).unwrap();
+        let meta = exr::meta::MetaData::read_from_file(&path, true).unwrap();
+        let views = meta.headers[0].own_attributes.multi_view_names.clone().unwrap();
+        assert_eq!(views.iter().map(|view| view.to_string()).collect::<Vec<_>>(), ["left", "right"]);
+        output::read_exr(&path).unwrap()
+    };
+    let found = write(&options(Compression::Zip));
+    let (left, right) = (as_stored(left), as_stored(right));
+    assert_eq!(found.channels.len(), 2 * left.channels.len());
+    for channel in &left.channels {
+        let name = |view: &str| match channel.name.rsplit_once('.') {
+            Some((layer, last)) => format!("{layer}.{view}.{last}"),
+            None if view == "left" => channel.name.clone(),
+            None => format!("{view}.{}", channel.name),
+        };
+        assert_eq!(found.channel(&name("left")).unwrap().samples, channel.samples);
+        assert_eq!(found.channel(&name("right")).unwrap().samples, right.channel(&channel.name).unwrap().samples);
+    }
+    assert_eq!(found.metadata.world_to_camera, left.metadata.world_to_camera);
+    let right = &right.metadata;
+    assert_eq!(found.metadata.right_eye, Some([right.world_to_camera, right.world_to_ndc, right.camera_to_world]));
+    let blender = write(&WriteOptions { profile: Profile::Blender, ..options(Compression::Zip) });
+    assert!(
+        blender.channel("ViewLayer.Combined.left.R").is_some() && blender.channel("ViewLayer.Depth.right.Z").is_some()
+    );
+    #[cfg(feature = "oiio")]
+    assert_eq!(write(&WriteOptions { writer: Writer::Oiio, ..options(Compression::Zip) }).channels, found.channels);
+
+    // OpenEXR's own tool makes the same names of two files of one view. It leaves the chunk counts of the first file in its
+    // header, whatever compression it writes, so that OpenImageIO has to read it.
+    #[cfg(feature = "oiio")]
+    {
+        let single = |name: &str, picture: &Picture| {
+            let path = directory.path().join(name);
+            output::write(picture, &path, &options(Compression::Zip)).unwrap();
+            path.to_str().unwrap().to_owned()
+        };
+        let (one, other) = (single("l.exr", &left), single("r.exr", &picture()));
+        let theirs = directory.path().join("theirs.exr");
+        if tool("exrmultiview", &["left", &one, "right", &other], &theirs).is_some() {
+            let names = |path: &Path| {
+                let parts = output::read_with_oiio(path).unwrap();
+                let mut names: Vec<_> = parts.into_iter().flat_map(|part| part.channels).map(|c| c.0).collect();
+                names.sort();
+                names
+            };
+            write(&options(Compression::Zip));
+            assert_eq!(names(&theirs), names(&path));
+        }
     }
 }
 
@@ -417,6 +533,10 @@ mod openimageio {
                     ("whitewater:tolerance", "0.02 px"),
                     ("whitewater:seconds", "3.5"),
                     ("whitewater:complete", "1"),
+                    ("cryptomatte/3ae39a5/name", "CryptoObject"),
+                    ("cryptomatte/3ae39a5/hash", "MurmurHash3_32"),
+                    ("cryptomatte/3ae39a5/conversion", "uint32_to_float32"),
+                    ("cryptomatte/3ae39a5/manifest", &picture().metadata.cryptomattes[0].manifest()),
                     ("PixelAspectRatio", "1"),
                     ("screenWindowWidth", "1"),
                     ("sensorOverallDimensions", "16, 24"),

@@ -153,6 +153,8 @@ impl Built {
             frame: 0,
             crop: None,
             threads: settings.threads,
+            mattes: render::Mattes::default(),
+            aside: 0.0,
         };
         Ok(render::render_frame(&job, &AtomicBool::new(false), &())?)
     }

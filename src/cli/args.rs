@@ -163,6 +163,15 @@ pub struct RenderArgs {
     /// Compression of the EXR (output.compression)
     #[arg(long, value_name = "NAME", value_parser = names("output.compression"))]
     pub compression: Option<String>,
+    /// Render for two eyes so many metres apart, both into one EXR (camera.stereo); other files show the left eye
+    #[arg(long, value_name = "M")]
+    pub stereo: Option<String>,
+    /// Names of the EXR's channels: nuke or blender (output.profile)
+    #[arg(long, value_name = "NAME", value_parser = names("output.profile"))]
+    pub profile: Option<String>,
+    /// Render beyond the frame, or the crop, on every side: 5% of the frame, or 64px (output.overscan)
+    #[arg(long, value_name = "MARGIN")]
+    pub overscan: Option<String>,
     /// Show errors only
     #[arg(short, long, conflicts_with = "verbose")]
     pub quiet: bool,
@@ -186,6 +195,9 @@ impl RenderArgs {
         option("--noise", "render.noise", self.noise.as_deref());
         option("--seconds", "render.seconds", self.seconds.as_deref());
         option("--compression", "output.compression", self.compression.as_deref());
+        option("--profile", "output.profile", self.profile.as_deref());
+        option("--stereo", "camera.stereo", self.stereo.as_deref());
+        option("--overscan", "output.overscan", self.overscan.as_deref());
         option("--deep", "output.deep.enabled", self.deep.then_some("true"));
         overrides.extend(self.accuracy.iter().flat_map(Accuracy::overrides));
         overrides
@@ -486,6 +498,16 @@ mod tests {
         assert_eq!(both.scene.surface.solver, scene::SolverKind::Newton);
         assert_eq!(both.scene.output.compression, scene::Compression::Piz);
         assert_ne!(both.hash, plain.hash);
+        let wide = load(&["--profile", "blender", "--overscan", "5%", "--stereo", "0.065"]).expect("a scene").scene;
+        assert_eq!((wide.output.profile, wide.output.overscan.as_deref()), (scene::Profile::Blender, Some("5%")));
+        assert_eq!(wide.camera.stereo, Some(0.065));
+        for (arguments, expected) in [
+            (&["--overscan", "5"][..], "--overscan: `output.overscan` = 5: expected a share of the frame up to 100%"),
+            (&["--stereo", "0.065", "--compression", "dwaa"], "since camera.stereo puts both eyes into one part"),
+        ] {
+            let error = load(arguments).expect_err("refused");
+            assert!(error.contains(expected), "{error}");
+        }
         let pixels = load(&["--accuracy", "0.05px"]).expect("a scene").scene.surface;
         assert_eq!((pixels.accuracy, pixels.tolerance), (0.05, None));
         let metres = load(&["--accuracy", "1e-4m"]).expect("a scene").scene.surface;

@@ -94,7 +94,8 @@ impl MomentOfFrame {
         // The film adds up samples of all moments: they must speak of one local frame.
         let origin = lower::scene_origin(&first.columns);
         let moment = |(time, state): &(f64, Frame)| {
-            let camera = Camera::new(path.pose(number as f64 + time), size, settings.camera.f_number);
+            let camera = Camera::new(path.pose(number as f64 + time), size, settings.camera.f_number)
+                .with_pixel_aspect(settings.camera.pixel_aspect);
             let view = View { eye: camera.pose.eye, pixel_angle: camera.pixel_angle() };
             let lowered = lower::lower_within(budget, origin, settings, state, environment, Some(view), simd)
                 .map_err(anyhow::Error::from)?;

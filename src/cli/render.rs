@@ -16,14 +16,14 @@ use super::progress::Progress;
 use super::signals::StopFlag;
 use super::stats::{FrameStats, RunStats, part_names};
 use super::values::Bytes;
-use crate::denoise::Denoiser;
+use crate::denoise::{DenoiseReport, Denoiser};
 use crate::foam::{FoamField, FoamState};
 use crate::lower::{self, Environment, LoweredFrame};
 use crate::optics::{Rainbow, Sky};
 use crate::output::{self, DeepPicture, Metadata, Picture, Window, WriteOptions, WriteReport, layers, naming};
 use crate::particles::Textures;
-use crate::render::{self, CameraPath, Job, Looks};
-use crate::scene::{self, LoadedScene};
+use crate::render::{self, CameraPath, Job, Looks, Mattes, RenderStats};
+use crate::scene::{self, LoadedScene, Overscan};
 use crate::simd::SimdLevel;
 use crate::state::{Columns, Frame, FrameSequence};
 use crate::surface::{SplineSurface, control};
@@ -130,6 +130,7 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
         ),
         None => None,
     };
+    let crop = overscanned(crop, settings);
     let threads = arguments.threads.or(std::thread::available_parallelism().ok()).map_or(1, std::num::NonZero::get);
     // Embree's builds and EXR's compression follow the global pool; a program that calls twice keeps its first.
     let _ = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
@@ -211,6 +212,21 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
     })
 }
 
+/// A crop, or the whole frame, with the overscan that the scene asks for around it.
+fn overscanned(crop: Option<Window>, settings: &scene::Scene) -> Option<Window> {
+    let Some(overscan) = settings.output.overscan.as_deref().and_then(Overscan::parse) else { return crop };
+    let (width, height) = (settings.render.width, settings.render.height);
+    let [across, down] = overscan.margins(width, height);
+    let inner = crop.unwrap_or(Window { x: 0, y: 0, width, height });
+    // Frame and overscan are at most some ten thousand pixels each (the scene's schema): nothing overflows.
+    Some(Window {
+        x: inner.x - across as i32,
+        y: inner.y - down as i32,
+        width: inner.width + 2 * across,
+        height: inner.height + 2 * down,
+    })
+}
+
 /// The camera over all frames. Without a place of its own it is framed on the sequence's first frame, whichever frames
 /// are asked for: so it stands still, and a frame rendered alone looks the same.
 fn camera_path(loaded: &LoadedScene, frames: &FrameSequence) -> Result<CameraPath, CliError> {
@@ -225,7 +241,7 @@ fn camera_path(loaded: &LoadedScene, frames: &FrameSequence) -> Result<CameraPat
             .ok()
             .map(|lattice| SplineSurface::new(lattice, scene::SolverKind::Reference, SimdLevel::Portable));
         let ground = |x: f64, z: f64| bed.as_ref()?.point(x, z).map(|(height, _)| height);
-        let aspect = f64::from(settings.width) / f64::from(settings.height);
+        let aspect = camera.pixel_aspect * f64::from(settings.width) / f64::from(settings.height);
         render::frame_points(&points, &ground, aspect, camera.fov)
     });
     Ok(path.map_err(anyhow::Error::from)?)
@@ -276,24 +292,45 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
             water: moment.lowered.water.as_deref(),
         })
         .collect();
-    let job = Job {
-        scene: settings,
-        moments: &shown,
-        sky: &run.sky,
-        path: &run.path,
-        frame: number,
-        crop: run.crop,
-        threads: run.threads,
+    let (mut pictures, mut render, mut denoise, mut deep) = (Vec::new(), RenderStats::default(), None, None);
+    let eyes = settings.camera.stereo.map_or(vec![0.0], |apart| vec![-0.5 * apart, 0.5 * apart]);
+    for aside in eyes {
+        let job = Job {
+            scene: settings,
+            moments: &shown,
+            sky: &run.sky,
+            path: &run.path,
+            frame: number,
+            crop: run.crop,
+            threads: run.threads,
+            mattes: mattes(run),
+            aside,
+        };
+        let (mut picture, stats) = render::render_frame(&job, stop.flag(), progress).map_err(anyhow::Error::from)?;
+        render += stats;
+        // Before layers are picked, so that the guides are there whichever are wanted.
+        let report = run.denoiser.as_ref().map(|denoiser| denoiser.denoise(&mut picture));
+        let report = report.transpose().map_err(anyhow::Error::from)?;
+        denoise = match (denoise, report) {
+            (Some(one), Some(other)) => Some(both_eyes(one, other)),
+            (one, other) => other.or(one),
+        };
+        // Its colour is the finished picture's, before layers of that are left out. No scene has both eyes and deep samples.
+        if settings.output.deep.enabled && picture.metadata.complete {
+            let samples = render::render_deep(&job, &picture, stop.flag(), progress);
+            deep = Some(samples.map_err(anyhow::Error::from)?);
+        }
+        let names = run.arguments.layers.as_deref().unwrap_or_default();
+        layers::select(&mut picture, names).map_err(anyhow::Error::from)?;
+        pictures.push(picture);
+    }
+    let mut pictures = pictures.into_iter();
+    let left = pictures.next().context("a frame has an eye")?;
+    let mut picture = match pictures.next() {
+        Some(right) => output::pair(left, right),
+        None => left,
     };
-    let (mut picture, render) = render::render_frame(&job, stop.flag(), progress).map_err(anyhow::Error::from)?;
     let render_s = clock.elapsed().as_secs_f64();
-    // Before layers are picked, so that the guides are there whichever are wanted.
-    let denoise = run.denoiser.as_ref().map(|denoiser| denoiser.denoise(&mut picture));
-    let denoise = denoise.transpose().map_err(anyhow::Error::from)?;
-    // Its colour is the finished picture's, before layers of that are left out.
-    let deep = settings.output.deep.enabled && picture.metadata.complete;
-    let deep = deep.then(|| render::render_deep(&job, &picture, stop.flag(), progress)).transpose();
-    let deep = deep.map_err(anyhow::Error::from)?;
 
     let clock = Instant::now();
     let files = write(run, number, &mut picture, deep)?;
@@ -314,6 +351,26 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
     })
 }
 
+/// The mattes that any file of the picture holds, or that were asked for by name.
+fn mattes(run: &Run) -> Mattes {
+    let names = run.arguments.layers.as_deref().unwrap_or_default();
+    let has_layers = |path: &PathBuf| output::has_layers(path, &run.options);
+    if names.is_empty() && !run.outputs.is_empty() && !run.outputs.iter().any(has_layers) {
+        return Mattes::default();
+    }
+    Mattes::wanted(|channel| layers::wants(names, channel))
+}
+
+/// What denoising took for a pair.
+fn both_eyes(one: DenoiseReport, other: DenoiseReport) -> DenoiseReport {
+    DenoiseReport {
+        pixels: one.pixels + other.pixels,
+        guides_s: one.guides_s + other.guides_s,
+        seconds: one.seconds + other.seconds,
+        ..one
+    }
+}
+
 /// Writes the picture to all its files; a picture that was stopped goes to names that say so.
 fn write(
     run: &Run,
@@ -325,8 +382,6 @@ fn write(
     picture.metadata.owner = settings.output.owner.clone();
     picture.metadata.comments = settings.output.comments.clone();
     picture.metadata.scene_hash = run.loaded.hash.clone();
-    let names = run.arguments.layers.clone().unwrap_or_default();
-    layers::select(picture, &names).map_err(anyhow::Error::from)?;
     let when = run.options.captured.unwrap_or_else(local_now);
     let by_default =
         [PathBuf::from(naming::default_name(&run.loaded.path, number, settings.surface.representation.name(), when))];

@@ -1,13 +1,15 @@
 //! A picture's metadata ↔ named, typed attributes as OpenEXR defines them (docs/formats.md, section 3).
 //! Both EXR writers put down this one list; each spells and places it in its own way.
 
+use std::borrow::Cow;
+
 use exr::{
     math::Vec2,
     meta::attribute::{AttributeValue, Chromaticities, Text, TimeCode},
 };
 use time::{OffsetDateTime, UtcOffset, macros::format_description};
 
-use super::{Metadata, OutputError, Picture, WriteOptions};
+use super::{Cryptomatte, EYES, Metadata, OutputError, Picture, WriteOptions, cryptomatte};
 
 /// Height of the film back that focal lengths refer to (mm).
 const FILM_HEIGHT: f64 = 24.0;
@@ -20,13 +22,17 @@ pub(super) const REC_709: Chromaticities = Chromaticities {
     white: Vec2(0.3127, 0.3290),
 };
 
+/// Where the right eye of a pair is: for the picture as a whole OpenEXR has no place for a second camera.
+const RIGHT_EYE: [&str; 3] =
+    ["whitewater:right:worldToCamera", "whitewater:right:worldToNDC", "whitewater:right:cameraToWorld"];
+
 /// Every attribute of a picture beyond those that a header cannot be without.
 ///
 /// *Errors*: a number that is not finite or does not fit its type.
 pub(super) fn attributes(
     picture: &Picture,
     options: &WriteOptions,
-) -> Result<Vec<(&'static str, AttributeValue)>, OutputError> {
+) -> Result<Vec<(Cow<'static, str>, AttributeValue)>, OutputError> {
     use AttributeValue::{F32, FloatVec2, I32, Matrix4x4, Rational};
     let m = &picture.metadata;
     let mut list = vec![
@@ -39,12 +45,19 @@ pub(super) fn attributes(
         ("expTime", F32(number("expTime", m.exposure_time)?)),
         ("pinholeFocalLength", F32(number("pinholeFocalLength", m.focal_length)?)),
         ("sensorOverallDimensions", {
-            let width = FILM_HEIGHT * f64::from(picture.display.0) / f64::from(picture.display.1);
+            let width = FILM_HEIGHT * m.pixel_aspect * f64::from(picture.display.0) / f64::from(picture.display.1);
             FloatVec2(Vec2(width as f32, FILM_HEIGHT as f32))
         }),
         ("whitewater:samples", I32(integer("whitewater:samples", m.samples.into())?)),
         ("whitewater:complete", I32(m.complete.into())),
     ];
+    if let Some(matrices) = &m.right_eye {
+        for (name, rows) in RIGHT_EYE.into_iter().zip(matrices) {
+            list.push((name, Matrix4x4(matrix(name, rows)?)));
+        }
+        let views = EYES.map(|view| Text::from_slice_unchecked(view.as_bytes()));
+        list.push(("multiView", AttributeValue::TextVector(views.to_vec())));
+    }
     if let Some(code) = time_code(m.frame, m.fps) {
         list.push(("timeCode", AttributeValue::TimeCode(code)));
     }
@@ -69,6 +82,9 @@ pub(super) fn attributes(
     ];
     // Empty strings say nothing, and OpenImageIO 3 drops them.
     list.extend(texts.into_iter().filter(|(_, t)| !t.is_empty()).map(|(name, t)| (name, text(t))));
+    let mut list: Vec<_> = list.into_iter().map(|(name, value)| (Cow::Borrowed(name), value)).collect();
+    let sets = m.cryptomattes.iter().flat_map(Cryptomatte::attributes);
+    list.extend(sets.map(|(name, value)| (Cow::Owned(name), value)));
     Ok(list)
 }
 
@@ -76,8 +92,16 @@ pub(super) fn attributes(
 pub(super) fn metadata<'a>(attributes: impl Iterator<Item = (&'a [u8], AttributeValue)>) -> Metadata {
     use AttributeValue::{F32, I32, Matrix4x4, Rational};
     let mut m = Metadata::default();
+    let list: Vec<_> = attributes.collect();
+    m.cryptomattes = cryptomatte::read(list.iter().filter_map(|(name, value)| match value {
+        AttributeValue::Text(text) => Some((*name, text)),
+        _ => None,
+    }));
     let rows = |v: [f32; 16]| std::array::from_fn(|r| std::array::from_fn(|c| f64::from(v[4 * r + c])));
-    for (name, value) in attributes {
+    for (name, value) in list {
+        if let (Some(at), Matrix4x4(v)) = (RIGHT_EYE.iter().position(|known| known.as_bytes() == name), &value) {
+            m.right_eye.get_or_insert_default()[at] = rows(*v);
+        }
         match (name, value) {
             (b"worldToCamera", Matrix4x4(v)) => m.world_to_camera = rows(v),
             (b"worldToNDC", Matrix4x4(v)) => m.world_to_ndc = rows(v),
@@ -279,11 +303,16 @@ mod tests {
             seconds: 1.5,
             complete: false,
             denoiser: "Open Image Denoise 2.5.1".into(),
+            pixel_aspect: 1.0,
+            right_eye: Some(std::array::from_fn(|m| {
+                std::array::from_fn(|r| std::array::from_fn(|c| (m + r * c) as f64))
+            })),
+            cryptomattes: vec![Cryptomatte { layer: "CryptoBed".into(), names: vec!["terrain".into(), "mist".into()] }],
         };
         let list = attributes(&picture, &WriteOptions::default()).unwrap();
         let back = metadata(list.iter().map(|(n, v)| (n.as_bytes(), v.clone())));
         assert_eq!(back, picture.metadata);
-        let has = |list: &[(&str, AttributeValue)], name: &str| list.iter().any(|(n, _)| *n == name);
+        let has = |list: &[(Cow<str>, AttributeValue)], name: &str| list.iter().any(|(n, _)| *n == name);
         assert!(has(&list, "capDate") && has(&list, "utcOffset") && has(&list, "aperture"));
         // A pinhole has no aperture; a reproducible file no times.
         picture.metadata.f_number = 0.0;

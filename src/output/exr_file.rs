@@ -49,10 +49,11 @@ fn headers(picture: &Picture, parts: &[Part], options: &WriteOptions) -> Result<
     let window = &picture.data;
     let display = IntegerBounds::from_dimensions((picture.display.0 as usize, picture.display.1 as usize));
     let mut shared = ImageAttributes::new(display);
+    shared.pixel_aspect = picture.metadata.pixel_aspect as f32;
     let mut own = LayerAttributes::default().with_position(Vec2(window.x, window.y));
     for (name, value) in attributes::attributes(picture, options)? {
         use AttributeValue as V;
-        match (name, value) {
+        match (&*name, value) {
             ("chromaticities", V::Chromaticities(v)) => shared.chromaticities = Some(v),
             ("timeCode", V::TimeCode(v)) => shared.time_code = Some(v),
             ("worldToCamera", V::Matrix4x4(v)) => own.world_to_camera = Some(v),
@@ -63,6 +64,7 @@ fn headers(picture: &Picture, parts: &[Part], options: &WriteOptions) -> Result<
             ("focus", V::F32(v)) => own.focus = Some(v),
             ("utcOffset", V::F32(v)) => own.utc_offset = Some(v),
             ("capDate", V::Text(v)) => own.capture_date = Some(v),
+            ("multiView", V::TextVector(v)) => own.multi_view_names = Some(v),
             ("owner", V::Text(v)) => own.owner = Some(v),
             ("comments", V::Text(v)) => own.comments = Some(v),
             (name, value) => {

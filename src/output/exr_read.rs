@@ -42,6 +42,8 @@ pub fn read_exr(path: &Path) -> Result<Picture, OutputError> {
         metadata: metadata(first.all_named_attributes()),
     };
 
+    picture.metadata.pixel_aspect = first.shared_attributes.pixel_aspect.into();
+
     let image = read()
         .no_deep_data()
         .largest_resolution_level()

@@ -1,6 +1,6 @@
 //! The layers that a user names (`--layers beauty,z,n`) and the channels that they stand for (docs/formats.md, section 3).
 
-use super::{OutputError, Picture};
+use super::{OutputError, Picture, cryptomatte};
 
 /// Every layer name, but for the light groups (`light_<group>`), of which there are as many as a scene has.
 pub const KNOWN: [&str; 30] = [
@@ -114,6 +114,7 @@ pub fn select<S: AsRef<str>>(picture: &mut Picture, names: &[S]) -> Result<(), O
         }
     }
     picture.channels.retain(|channel| wants(names, &channel.name));
+    cryptomatte::keep_present(picture);
     Ok(())
 }
 

@@ -4,6 +4,7 @@
 //! writes whole files only. Formats are fixed by docs/formats.md, section 3.
 
 mod attributes;
+pub mod cryptomatte;
 mod deep;
 #[cfg(feature = "oiio")]
 mod deep_file;
@@ -17,11 +18,14 @@ pub mod naming;
 mod oiio;
 mod parts;
 mod picture;
+mod profile;
 mod view;
+mod views;
 mod whole_file;
 
 use std::path::{Path, PathBuf};
 
+pub use cryptomatte::Cryptomatte;
 pub use deep::{DeepPicture, DeepSample};
 #[cfg(feature = "oiio")]
 pub use deep_file::read_deep;
@@ -30,8 +34,9 @@ pub use exr_read::read_exr;
 #[cfg(feature = "oiio")]
 pub use oiio::{OiioPart, read_with_oiio};
 pub use view::{display_value, filmic, srgb_encode};
+pub use views::{EYES, pair};
 
-use crate::scene::{Compression, View, Writer};
+use crate::scene::{Compression, Profile, View, Writer};
 
 /// How a channel's samples are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -118,7 +123,14 @@ pub struct Metadata {
     pub complete: bool,
     /// What took the noise out of the beauty, with its version; empty if nothing did.
     pub denoiser: String,
+    /// A pixel's width by its height.
+    pub pixel_aspect: f64,
+    /// Of a stereo pair, whose attributes are the left eye's: the right eye's world → camera, world → 0..1, camera → world.
+    pub right_eye: Option<[[[f64; 4]; 4]; 3]>,
+    /// Names of the things that Cryptomatte layers tell apart.
+    pub cryptomattes: Vec<Cryptomatte>,
 }
+
 impl Default for Metadata {
     /// A whole picture at 24 frames per second (what OpenEXR assumes where nothing is said) from an unknown camera.
     fn default() -> Self {
@@ -142,6 +154,9 @@ impl Default for Metadata {
             seconds: 0.0,
             complete: true,
             denoiser: String::new(),
+            pixel_aspect: 1.0,
+            right_eye: None,
+            cryptomattes: Vec::new(),
         }
     }
 }
@@ -153,6 +168,8 @@ pub struct WriteOptions {
     pub writer: Writer,
     /// Compression of EXR.
     pub compression: Compression,
+    /// Whose names the channels have, where all are written.
+    pub profile: Profile,
     /// Curve for PNG, JPEG, BMP and 8-bit TIFF.
     pub view: View,
     /// Stops of exposure for PNG, JPEG, BMP and 8-bit TIFF.
@@ -169,6 +186,7 @@ impl WriteOptions {
         Self {
             writer: output.writer,
             compression: output.compression,
+            profile: output.profile,
             view: output.view,
             exposure: output.exposure,
             ..Self::default()
@@ -213,6 +231,11 @@ impl Format {
     }
 }
 
+/// Whether a file of that name holds every layer rather than the beauty alone.
+pub fn has_layers(path: &Path, options: &WriteOptions) -> bool {
+    Format::of(path).is_ok_and(|format| format == Format::Exr || uses_oiio(format, options))
+}
+
 /// Everything about a target that can be known before hours of rendering: format, writer, folder, permission.
 ///
 /// *Errors*: an unknown extension, OpenImageIO asked for but not built in, a target that cannot be written.
@@ -236,6 +259,8 @@ pub fn write(picture: &Picture, path: &Path, options: &WriteOptions) -> Result<W
     picture.check()?;
     let format = Format::of(path)?;
     let all_channels = format == Format::Exr || uses_oiio(format, options);
+    let renamed = (all_channels && options.profile == Profile::Blender).then(|| profile::blender(picture));
+    let picture = renamed.as_ref().unwrap_or(picture);
     let (saturated, saturated_pixels) = if all_channels { picture.count_saturated() } else { (0, 0) };
     let bytes = match format {
         #[cfg(feature = "oiio")]

@@ -178,7 +178,7 @@ pub(super) fn oiio_attributes(picture: &Picture, options: &WriteOptions) -> Resu
     };
     let mut list = Vec::new();
     for (name, value) in attributes(picture, options)? {
-        let name = match name {
+        let name = match &*name {
             "capDate" => "DateTime",
             "owner" => "Copyright",
             "comments" => "ImageDescription",
@@ -193,6 +193,10 @@ pub(super) fn oiio_attributes(picture: &Picture, options: &WriteOptions) -> Resu
         let integer = |kind, integers: &[i32]| OiioAttribute { integers: integers.to_vec(), ..empty(name, kind) };
         list.push(match value {
             V::Text(text) => OiioAttribute { text: string(&text), ..empty(name, OiioKind::Text) },
+            V::TextVector(list) => {
+                let lines: Vec<String> = list.iter().map(string).collect();
+                OiioAttribute { text: lines.join("\n"), ..empty(name, OiioKind::Texts) }
+            }
             V::I32(v) => integer(OiioKind::Integer, &[v]),
             V::Rational((n, d)) => integer(OiioKind::Rational, &[n, d as i32]),
             V::TimeCode(code) => {
@@ -210,6 +214,8 @@ pub(super) fn oiio_attributes(picture: &Picture, options: &WriteOptions) -> Resu
             other => unreachable!("{name} is of a type that no attribute of ours has: {other:?}"),
         });
     }
+    let aspect = vec![picture.metadata.pixel_aspect as f32];
+    list.push(OiioAttribute { floats: aspect, ..empty("PixelAspectRatio", OiioKind::Float) });
     if options.reproducible {
         list.push(empty("DateTime", OiioKind::Suppressed));
     }

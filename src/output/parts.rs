@@ -30,7 +30,8 @@ pub(super) fn parts(picture: &Picture, compression: Compression) -> Vec<Part> {
     let part_of = |index: usize| {
         let channel = &picture.channels[index];
         let last = channel.name.rsplit('.').next().unwrap_or_default();
-        if channel.name.starts_with("Crypto") {
+        // `CryptoObject00.r`, or `ViewLayer.CryptoObject00.r` by Blender's profile.
+        if channel.name.split('.').any(|part| part.starts_with("Crypto")) {
             "crypto"
         } else if channel.sample_type == SampleType::Half && matches!(last, "R" | "G" | "B" | "A") {
             "rgba"

@@ -8,6 +8,7 @@ use glam::Vec3;
 use super::{
     PathCounts,
     caustics::Connection,
+    cryptomatte::Sight,
     film::{FilmTile, Layer, Place},
     path_tracer::Links,
     sampler::Run,
@@ -86,6 +87,8 @@ pub(super) struct Carrier {
     pub(super) primary: bool,
     /// It is the first refracted ray, whose length the film notes.
     pub(super) notes_path: bool,
+    /// What it still decides of the sample's mattes.
+    pub(super) sight: Sight,
     /// What only the path tracer reads.
     pub(super) path: PathState,
 }
@@ -146,6 +149,7 @@ impl Carrier {
             within: [in_water, false],
             primary: true,
             notes_path: false,
+            sight: Sight::Direct(1.0),
             path: PathState { density: f32::INFINITY, ..PathState::default() },
         }
     }

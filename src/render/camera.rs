@@ -67,8 +67,12 @@ pub struct Camera {
     pub size: (u32, u32),
     /// f-number; 0 is a pinhole.
     pub f_number: f64,
+    /// A pixel's width by its height.
+    pub pixel_aspect: f64,
     /// Tangents of half the field of view: horizontal, vertical.
     tangent: DVec2,
+    /// How far the film is shifted to the right, in tangents.
+    shift: f64,
     /// Radius of the lens (m).
     lens_radius: f64,
 }
@@ -78,9 +82,24 @@ impl Camera {
     pub fn new(pose: Pose, size: (u32, u32), f_number: f64) -> Self {
         let vertical = (pose.fov.to_radians() / 2.0).tan();
         let tangent = DVec2::new(vertical * f64::from(size.0) / f64::from(size.1), vertical);
-        let camera = Self { pose, size, f_number, tangent, lens_radius: 0.0 };
+        let camera = Self { pose, size, f_number, pixel_aspect: 1.0, tangent, shift: 0.0, lens_radius: 0.0 };
         let lens_radius = if f_number > 0.0 { camera.focal_length() * 1e-3 / (2.0 * f_number) } else { 0.0 };
         Self { lens_radius, ..camera }
+    }
+
+    /// The same with pixels that are `aspect` times as wide as they are high.
+    pub fn with_pixel_aspect(mut self, aspect: f64) -> Self {
+        self.pixel_aspect = aspect;
+        self.tangent.x = self.tangent.y * aspect * f64::from(self.size.0) / f64::from(self.size.1);
+        self
+    }
+
+    /// The same camera so many metres to its right: one eye of a pair. It looks the same way, and its film is shifted so that
+    /// what lies in the plane of focus stays where it is in the picture; there both eyes' pictures meet.
+    pub fn aside(mut self, metres: f64) -> Self {
+        self.pose.eye += metres * self.pose.right;
+        self.shift = -metres / self.pose.focus;
+        self
     }
 
     /// Focal length (mm) for a film back of [`FILM_BACK_MM`].
@@ -88,9 +107,9 @@ impl Camera {
         FILM_BACK_MM / (2.0 * self.tangent.y)
     }
 
-    /// Angle of a pixel (radians, in the middle of the picture): the growth of its footprint per metre.
+    /// Angle of a pixel's shorter side (radians, in the middle of the picture): the growth of its footprint per metre.
     pub fn pixel_angle(&self) -> f64 {
-        2.0 * self.tangent.y / f64::from(self.size.1)
+        2.0 * self.tangent.y / f64::from(self.size.1) * self.pixel_aspect.min(1.0)
     }
 
     /// Ray through the raster point `raster` (pixels, y down, (0,0) the upper left corner of the full frame).
@@ -118,7 +137,7 @@ impl Camera {
 
     fn film_direction(&self, raster: DVec2) -> DVec2 {
         DVec2::new(
-            (2.0 * raster.x / f64::from(self.size.0) - 1.0) * self.tangent.x,
+            (2.0 * raster.x / f64::from(self.size.0) - 1.0) * self.tangent.x + self.shift,
             (1.0 - 2.0 * raster.y / f64::from(self.size.1)) * self.tangent.y,
         )
     }
@@ -139,7 +158,7 @@ impl Camera {
         if depth <= 0.0 {
             return None;
         }
-        let x = direction.dot(self.pose.right) / (depth * self.tangent.x);
+        let x = (direction.dot(self.pose.right) / depth - self.shift) / self.tangent.x;
         let y = direction.dot(self.pose.up) / (depth * self.tangent.y);
         Some(DVec2::new((1.0 + x) / 2.0 * f64::from(self.size.0), (1.0 - y) / 2.0 * f64::from(self.size.1)))
     }
@@ -162,9 +181,11 @@ impl Camera {
     ///
     /// *Source*: OpenEXR, Standard Attributes, `worldToNDC`.
     pub fn world_to_ndc(&self) -> [[f64; 4]; 4] {
-        // Camera → NDC: x' = x / (2 tan_x) + z / 2, y' = -y / (2 tan_y) + z / 2, z' = z - 1, w' = z.
-        self.world_to_camera()
-            .map(|[x, y, z, w]| [x / (2.0 * self.tangent.x) + z / 2.0, -y / (2.0 * self.tangent.y) + z / 2.0, z - w, z])
+        // Camera → NDC: x' = (x - shift z) / (2 tan_x) + z / 2, y' = -y / (2 tan_y) + z / 2, z' = z - 1, w' = z.
+        self.world_to_camera().map(|[x, y, z, w]| {
+            let across = (x - self.shift * z) / (2.0 * self.tangent.x);
+            [across + z / 2.0, -y / (2.0 * self.tangent.y) + z / 2.0, z - w, z]
+        })
     }
 
     /// Camera (x right, y up, z backward) → world; row vectors.
@@ -237,6 +258,52 @@ mod tests {
         let [x, y, z, _] = transform(DVec3::new(2.0, 3.0, -5.0), camera.camera_to_world());
         assert!((DVec3::new(x, y, z) - point).length() < 1e-8);
         assert!(pose.right.cross(pose.up).dot(pose.forward) < 0.0);
+    }
+
+    #[test]
+    fn wide_pixels_see_more_to_the_sides_and_as_much_above() {
+        let (square, wide) = (camera(0.0), camera(0.0).with_pixel_aspect(2.0));
+        // The tangent of half the horizontal field is twice as large: the border of the one is half way in the other.
+        for y in [0.0, 77.0, 360.0] {
+            let (narrow, half) = (square.direction(DVec2::new(640.0, y)), wide.direction(DVec2::new(480.0, y)));
+            assert!((narrow - half).length() < 1e-12);
+        }
+        assert_eq!(square.focal_length(), wide.focal_length());
+        let raster = DVec2::new(123.25, 301.5);
+        assert!((wide.project(wide.pose.eye + 3.0 * wide.direction(raster)).unwrap() - raster).length() < 1e-6);
+        // The accuracy of hits goes by a pixel's shorter side.
+        assert_eq!(wide.pixel_angle(), square.pixel_angle());
+        assert_eq!(square.with_pixel_aspect(0.5).pixel_angle(), 0.5 * square.pixel_angle());
+        let corner = wide.pose.eye + 12.5 * wide.direction(DVec2::new(640.0, 0.0));
+        let [x, y, _, w] = transform(corner, wide.world_to_ndc());
+        assert!((x / w - 1.0).abs() < 1e-8 && (y / w).abs() < 1e-8);
+    }
+
+    #[test]
+    fn two_eyes_agree_in_the_plane_of_focus_and_nowhere_else() {
+        let middle = camera(0.0);
+        let [left, right] = [-0.0325, 0.0325].map(|aside| middle.aside(aside));
+        assert!((right.pose.eye - left.pose.eye - 0.065 * middle.pose.right).length() < 1e-6);
+        for raster in [DVec2::new(12.0, 30.0), DVec2::new(320.0, 180.0), DVec2::new(600.5, 333.0)] {
+            let along = middle.direction(raster);
+            let at = |share: f64| {
+                let point = middle.pose.eye + share * middle.pose.focus * along;
+                [left, right].map(|eye| eye.project(point).unwrap())
+            };
+            let [a, b] = at(1.0);
+            assert!((a - raster).length() < 1e-6 && (b - raster).length() < 1e-6, "{a} {b}");
+            // What is near lies further right for the left eye, what is far further left; heights agree.
+            let ([near_left, near_right], [far_left, far_right]) = (at(0.5), at(2.0));
+            assert!(near_left.x > near_right.x + 0.1 && far_left.x < far_right.x - 0.1);
+            assert!((near_left.y - near_right.y).abs() < 1e-6);
+        }
+        for eye in [left, right] {
+            let raster = DVec2::new(123.25, 301.5);
+            assert!((eye.project(eye.pose.eye + 7.0 * eye.direction(raster)).unwrap() - raster).length() < 1e-6);
+            let [x, y, _, w] =
+                transform(eye.pose.eye + 12.5 * eye.direction(DVec2::new(640.0, 0.0)), eye.world_to_ndc());
+            assert!((x / w - 1.0).abs() < 1e-8 && (y / w).abs() < 1e-8);
+        }
     }
 
     #[test]

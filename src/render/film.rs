@@ -5,7 +5,10 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::Camera;
+use super::{
+    Camera, Mattes,
+    cryptomatte::{Coverage, Names},
+};
 use crate::{
     optics::luminance,
     output::{Channel, SampleType, Window},
@@ -106,7 +109,7 @@ const AFTER: [(&str, SampleType); 8] = [
     ("variance", Float),
 ];
 
-/// Name and type of every channel of a picture with these light groups, beauty first.
+/// Name and type of every channel but Cryptomatte's of a picture with these light groups, beauty first.
 pub fn channels(groups: &[String]) -> Vec<(String, SampleType)> {
     let light = Layer::ALL
         .map(|layer| layer.name().to_owned())
@@ -208,6 +211,8 @@ pub(super) struct FilmTile {
     foam: Vec<f32>,
     nearest: Vec<Nearest>,
     mist: Vec<MistSeen>,
+    /// What Cryptomatte tells apart.
+    pub(super) coverage: Coverage,
     /// Contributions that were dropped since they were not finite.
     pub(super) nonfinite: u64,
 }
@@ -231,6 +236,7 @@ impl FilmTile {
         fill(&mut self.foam, count, 0.0);
         fill(&mut self.nearest, count, Nearest::NONE);
         fill(&mut self.mist, count, MistSeen::default());
+        self.coverage.clear();
     }
 
     /// Starts a chunk of so many of the camera's samples.
@@ -399,6 +405,7 @@ impl FilmTile {
         values.extend(nearest.velocity.to_array());
         let variance = moments.variance_of_mean().min(f64::from(f32::MAX));
         values.extend([moments.samples as f32, variance as f32]);
+        view.names.resolve(self.coverage.pixel(index), share, values);
     }
 }
 
@@ -415,6 +422,8 @@ pub(super) struct View {
     pub(super) origin: DVec3,
     /// Frames per second.
     pub(super) fps: f64,
+    /// Names of what Cryptomatte tells apart.
+    pub(super) names: Names,
 }
 
 /// The channels of a whole data window; pixels that no tile has filled are 0.
@@ -426,10 +435,11 @@ pub(super) struct Film {
 
 impl Film {
     /// An empty film.
-    pub(super) fn new(data: Window, groups: &[String]) -> Self {
+    pub(super) fn new(data: Window, groups: &[String], mattes: Mattes) -> Self {
         let count = data.width as usize * data.height as usize;
         let channels = channels(groups)
             .into_iter()
+            .chain(mattes.channels().map(|name| (name, Float)))
             .map(|(name, sample_type)| Channel { name, sample_type, samples: vec![0.0; count] })
             .collect();
         Self { data, channels }
@@ -477,6 +487,7 @@ mod tests {
             previous: camera(eye - 2.0 * step),
             origin: DVec3::new(1.0e5, 0.0, 0.0),
             fps: 24.0,
+            names: Names::default(),
         }
     }
 
@@ -586,7 +597,7 @@ mod tests {
 
     #[test]
     fn tiles_land_in_their_place_of_the_data_window() {
-        let mut film = Film::new(window(-3, 5, 5, 3), &groups());
+        let mut film = Film::new(window(-3, 5, 5, 3), &groups(), Mattes::default());
         let stride = channels(&groups()).len();
         let pixels: Vec<f32> = (1..=4).flat_map(|value| vec![value as f32; stride]).collect();
         film.place(window(0, 6, 2, 2), &pixels);

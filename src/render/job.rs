@@ -9,8 +9,9 @@ use std::{
 };
 
 use super::{
-    Camera, CameraPath, Matter, Observer, PathCounts, RayCounts, RenderError,
+    Camera, CameraPath, Matter, Mattes, Observer, PathCounts, RayCounts, RenderError,
     batches::Scratch,
+    cryptomatte::Names,
     film::{Film, FilmTile, View},
     tiles,
     wave::Frame,
@@ -42,6 +43,20 @@ pub struct Job<'a> {
     pub crop: Option<Window>,
     /// Threads; 0 is one per processor.
     pub threads: usize,
+    /// Cryptomatte layers.
+    pub mattes: Mattes,
+    /// Metres to the right of the camera's path at which the eye is: one of a pair.
+    pub aside: f64,
+}
+
+impl Job<'_> {
+    /// The camera so many frames after the frame's own time.
+    pub(super) fn camera(&self, time: f64) -> Camera {
+        let (lens, settings) = (&self.scene.camera, &self.scene.render);
+        Camera::new(self.path.pose(self.frame as f64 + time), (settings.width, settings.height), lens.f_number)
+            .with_pixel_aspect(lens.pixel_aspect)
+            .aside(self.aside)
+    }
 }
 
 /// What there is at one moment of the shutter.
@@ -111,9 +126,13 @@ pub fn render_frame(
     if job.moments.is_empty() {
         return Err(RenderError::NoMoment);
     }
-    let camera = |time: f64| Camera::new(job.path.pose(job.frame as f64 + time), size, job.scene.camera.f_number);
+    let camera = |time: f64| job.camera(time);
     let shared = Shared::new(job.scene, job.sky);
-    let moments = job.moments.iter().map(|moment| World::new(job.scene, &shared, moment, job.sky, camera(moment.time)));
+    let mut names = Names::new(job.mattes);
+    let moments = job
+        .moments
+        .iter()
+        .map(|moment| World::new(job.scene, &shared, moment, job.sky, camera(moment.time), &mut names));
     let frame = Frame {
         moments: moments.collect::<Result<_, _>>()?,
         first: if settings.seconds.is_some() { 1 } else { settings.samples },
@@ -126,10 +145,11 @@ pub fn render_frame(
         previous: camera(-1.0),
         origin: job.moments[0].lowered.origin,
         fps: job.scene.frames.fps,
+        names,
     };
     let groups = groups(job.scene);
     let windows = tiles::tiles(data);
-    let film = Mutex::new(Film::new(data, &groups));
+    let film = Mutex::new(Film::new(data, &groups, job.mattes));
     let place = |scratch: &mut Scratch| {
         scratch.film.resolve(&view, &mut scratch.pixels);
         // Poisoned only if another thread panicked, and then that panic is on its way to the caller anyway.
@@ -144,7 +164,7 @@ pub fn render_frame(
     };
     let stats = RenderStats { seconds: start.elapsed().as_secs_f64(), ..stats };
     let film = film.into_inner().unwrap_or_else(|poison| poison.into_inner());
-    let metadata = metadata(job, &view.camera, &stats);
+    let metadata = Metadata { cryptomattes: view.names.cryptomattes(), ..metadata(job, &view.camera, &stats) };
     Ok((Picture { display: size, data, channels: film.into_channels(), metadata }, stats))
 }
 
@@ -256,6 +276,22 @@ fn passes(
     Ok(RenderStats { threads, ..stats })
 }
 
+impl std::ops::AddAssign for RenderStats {
+    /// Another picture of the same frame.
+    fn add_assign(&mut self, other: Self) {
+        self.rays += other.rays;
+        self.solve += other.solve;
+        self.nonfinite += other.nonfinite;
+        self.paths += other.paths;
+        self.samples += other.samples;
+        self.passes = self.passes.max(other.passes);
+        self.tiles_done += other.tiles_done;
+        self.tiles += other.tiles;
+        self.threads = self.threads.max(other.threads);
+        self.seconds += other.seconds;
+    }
+}
+
 impl RenderStats {
     fn add(&mut self, scratches: &[Scratch]) {
         self.threads = scratches.len();
@@ -281,6 +317,7 @@ fn metadata(job: &Job, camera: &Camera, stats: &RenderStats) -> Metadata {
         f_number: camera.f_number,
         focus: camera.pose.focus,
         focal_length: camera.focal_length(),
+        pixel_aspect: scene.camera.pixel_aspect,
         samples: scene.render.most_samples(),
         solver: scene.surface.solver.name().to_owned(),
         tolerance: match scene.surface.tolerance {

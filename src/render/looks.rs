@@ -62,6 +62,10 @@ impl Matter for Looks<'_> {
         self.foam?.at(position.x, position.z, footprint)
     }
 
+    fn has_foam(&self) -> bool {
+        self.foam.is_some()
+    }
+
     fn mist(&self) -> Option<&Mist> {
         self.mist
     }

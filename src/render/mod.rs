@@ -6,6 +6,7 @@ mod batches;
 mod camera;
 pub mod caustics;
 mod contact;
+mod cryptomatte;
 mod deep;
 mod error;
 mod film;
@@ -27,6 +28,7 @@ mod world;
 
 pub use batches::RayCounts;
 pub use camera::{Camera, FILM_BACK_MM, Pose, concentric_disc};
+pub use cryptomatte::Mattes;
 pub use deep::render_deep;
 pub use error::RenderError;
 pub use film::{Layer, NOTHING, channels};

@@ -82,6 +82,7 @@ impl World<'_> {
             self.ask_in_mist(&at, position, direction, share, layer, scratch);
         });
         scratch.film.add_guide(carrier.place.pixel, carrier.guide * (1.0 - left), Vec3::ONE, Vec3::ZERO);
+        carrier.sight = self.cover(carrier, self.things.mist(), 1.0 - left, scratch);
         carrier.throughput *= left;
         carrier.guide *= left;
     }

@@ -6,6 +6,7 @@ use glam::Vec3;
 use super::{
     batches::{CameraSample, Carrier, PathState, Scratch},
     contact::Contact,
+    cryptomatte::Seen,
     film::{Nearest, Place},
     sampler::Sampler,
     world::World,
@@ -34,6 +35,8 @@ pub(super) struct Arrival<'a> {
     pub(super) primitive: u32,
     pub(super) place: [f32; 2],
     pub(super) contact: Contact,
+    /// What it is to Cryptomatte.
+    pub(super) seen: Seen,
 }
 
 impl Arrival<'_> {
@@ -257,6 +260,7 @@ impl World<'_> {
                 let t = scratch.hits.t[index];
                 let given = Vec3::from_array(std::array::from_fn(|axis| scratch.hits.normal[axis][index]));
                 let contact = Contact::new(part, primitive, place, origin, direction, t, given);
+                let seen = self.things.part(hit as usize);
                 let arrival = Arrival {
                     carrier,
                     origin: start,
@@ -267,6 +271,7 @@ impl World<'_> {
                     primitive,
                     place,
                     contact,
+                    seen,
                 };
                 match self.integrator {
                     Integrator::Whitted => self.arrive(arrival, scratch),

@@ -12,6 +12,7 @@ use glam::Vec3;
 use super::{
     batches::{Carrier, Scratch, ShadowCarrier},
     contact::Contact,
+    cryptomatte::Sight,
     film::Layer,
     matte::{Matte, PASSES},
     shadow::Receiver,
@@ -134,6 +135,7 @@ impl World<'_> {
             layer,
         };
         self.ask_for_light(&receiver, scratch);
+        carrier.sight = self.cover(carrier, self.things.foam_on(arrival.seen), cover, scratch);
         carrier.throughput *= 1.0 - cover;
         carrier.guide *= 1.0 - cover;
         cover < 1.0
@@ -179,7 +181,8 @@ impl World<'_> {
             }
         }
 
-        let child = Carrier { depth: carrier.depth + 1, primary: false, ..*carrier };
+        let beyond = self.cover_water(carrier, arrival.seen, scratch);
+        let child = Carrier { depth: carrier.depth + 1, primary: false, sight: Sight::Over, ..*carrier };
         // Inside, the mirror must not lose light: the report's specular factor is meant for what the eye sees from outside.
         let mirror = if from_water { Vec3::ONE } else { look.specular };
         let mirrored = Carrier {
@@ -200,6 +203,8 @@ impl World<'_> {
                 in_water: !from_water,
                 within: arrival.beyond(),
                 notes_path: carrier.primary && !from_water,
+                // Where the eye looks in, all of the sample is what lies there; where it looks out, Fresnel's share.
+                sight: if carrier.layer.is_none() { beyond } else { beyond.times(1.0 - reflectance) },
                 ..child
             };
             self.spawn(through, refracted, contact, Kind::Refraction, scratch);
@@ -309,6 +314,7 @@ impl World<'_> {
             self.offer(arrival, normal, velocity, 0.0, scratch);
         }
         scratch.film.add_guide(carrier.place.pixel, carrier.guide * opacity, albedo, normal);
+        let sight = self.cover(carrier, arrival.seen, opacity, scratch);
 
         let layer = carrier.layer.unwrap_or(own_layer);
         let mut weight = carrier.throughput * albedo * (opacity * std::f32::consts::FRAC_1_PI);
@@ -345,6 +351,7 @@ impl World<'_> {
                 guide: carrier.guide * (1.0 - opacity),
                 passed: carrier.passed + 1,
                 primary: false,
+                sight,
                 ..*carrier
             };
             self.spawn(behind, *direction, contact, Kind::Transparency(self.behind_arrival(arrival)), scratch);

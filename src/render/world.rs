@@ -16,6 +16,7 @@ use crate::{
 use super::{
     Camera, Moment, Sampler,
     caustics::{BeamError, BeamMap, BeamSun, Manifold},
+    cryptomatte::{Names, Things},
     single_scattering,
     spray::Bow,
 };
@@ -56,6 +57,10 @@ pub trait Matter: Sync {
     /// The foam on the water's surface at `position`, over a `footprint` (m); `None` where there is none.
     fn foam(&self, _position: Vec3, _footprint: f32) -> Option<FoamLook> {
         None
+    }
+    /// Whether there is foam anywhere.
+    fn has_foam(&self) -> bool {
+        false
     }
     /// Greatest extinction (1/m) of bubbles anywhere; 0 where there are none.
     fn most_bubbles(&self) -> f32 {
@@ -111,6 +116,8 @@ pub(super) struct Lamp {
     pub(super) radius: f32,
     /// Light group.
     pub(super) group: u16,
+    /// Its place among the scene's.
+    pub(super) index: usize,
     /// It hangs under the water's surface.
     pub(super) in_water: bool,
 }
@@ -267,6 +274,8 @@ pub(super) struct World<'a> {
     pub(super) bow: Option<Bow<'a>>,
     /// Mean radiance of the sky and the far ground, all around.
     pub(super) mean_sky: Vec3,
+    /// What Cryptomatte tells apart.
+    pub(super) things: Things,
     /// Links may be thinned by spray, or by sheets of it.
     pub(super) may_thin: bool,
     /// Tolerance of a surface hit: metres, and metres per metre travelled.
@@ -282,6 +291,7 @@ impl<'a> World<'a> {
         moment: &Moment<'a>,
         sky: &'a Sky,
         camera: Camera,
+        names: &mut Names,
     ) -> Result<Self, BeamError> {
         let Moment { lowered, accelerator, matter, .. } = *moment;
         let water = WaterLook::new(&scene.water);
@@ -295,7 +305,9 @@ impl<'a> World<'a> {
         let lamps: Vec<Lamp> = scene
             .light
             .iter()
-            .map(|light| Lamp {
+            .enumerate()
+            .map(|(index, light)| Lamp {
+                index,
                 position: local(light.position.into()),
                 in_water: under_water(local(light.position.into())),
                 intensity: Vec3::from_array(light.intensity.map(|value| value as f32)),
@@ -303,6 +315,12 @@ impl<'a> World<'a> {
                 group: groups.iter().position(|group| *group == light.group).unwrap_or_default() as u16,
             })
             .collect();
+        let mist = matter.mist().filter(|mist| !mist.is_empty());
+        // The Whitted integrator's lamps are points that nobody sees.
+        let paths = scene.render.integrator == scene::Integrator::Path;
+        let shining: Vec<Option<&str>> =
+            scene.light.iter().map(|light| (paths && light.radius > 0.0).then_some(&*light.group)).collect();
+        let things = names.add(lowered, matter.has_foam(), mist.is_some(), &shining);
         let interface = Interface::from_scene(&scene.water);
         let tolerance = match scene.surface.tolerance {
             Some(metres) => [metres as f32, 0.0],
@@ -339,7 +357,8 @@ impl<'a> World<'a> {
                 clamp: scene.render.clamp.map(|limit| limit as f32),
             },
             most_bubbles: matter.most_bubbles(),
-            mist: matter.mist().filter(|mist| !mist.is_empty()),
+            mist,
+            things,
             bow: matter.rainbow().filter(|_| scene.particles.rainbow > 0.0).map(|rainbow| Bow {
                 rainbow,
                 share: scene.particles.rainbow as f32,

@@ -9,7 +9,10 @@ use serde_json::{Value, json};
 
 use super::document::Node;
 use super::errors::SceneError;
-use super::{Caustics, Coefficients, PhaseKind, Representation, Scene, SkyKind, SolverKind, WaterAccel, WaterPreset};
+use super::{
+    Caustics, Coefficients, Compression, Overscan, PhaseKind, Representation, Scene, SkyKind, SolverKind, WaterAccel,
+    WaterPreset,
+};
 
 /// Schlick's reflectance of water at normal incidence in the report's preset: ((1.333 - 1) / (1.333 + 1))^2, rounded.
 const REPORT_R0: f64 = 0.02;
@@ -53,6 +56,8 @@ pub(super) fn check(scene: &Scene, root: &Node, known: &[SceneError]) -> Vec<Sce
     rules.caustics(scene);
     rules.accelerators(scene);
     rules.foam(scene);
+    rules.overscan(scene);
+    rules.stereo(scene);
     if let Some(simulation) = &scene.simulation {
         rules.simulation(simulation);
     }
@@ -117,6 +122,29 @@ impl Rules<'_> {
         if surface.representation != Representation::Spline && self.sound(&["surface.representation"]) {
             let expected = format!("\"spline\", {why}: the others leave them where they are");
             self.inconsistent("surface.representation", expected);
+        }
+    }
+
+    /// Two eyes share one part of a file, which then has one compression.
+    fn stereo(&mut self, scene: &Scene) {
+        let both = self.sound(&["camera.stereo", "output.compression"]);
+        if both && scene.camera.stereo.is_some() && scene.output.compression == Compression::Dwaa {
+            let expected = "\"zip\", \"zips\", \"piz\" or \"none\", since camera.stereo puts both eyes into one part";
+            self.inconsistent("output.compression", expected);
+        }
+        let both = self.sound(&["camera.stereo", "output.deep"]);
+        if both && scene.camera.stereo.is_some() && scene.output.deep.enabled {
+            self.inconsistent(
+                "output.deep.enabled",
+                "false, since camera.stereo renders for two eyes and a deep file holds one",
+            );
+        }
+    }
+
+    fn overscan(&mut self, scene: &Scene) {
+        let Some(text) = &scene.output.overscan else { return };
+        if Overscan::parse(text).is_none() {
+            self.inconsistent("output.overscan", Overscan::EXPECTED);
         }
     }
 

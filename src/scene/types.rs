@@ -404,6 +404,12 @@ pub struct Camera {
     /// f-number of the thin lens (24 mm film back, height); 0 is a pinhole.
     #[schemars(range(min = 0.0, max = 1000000.0))]
     pub f_number: f64,
+    /// Distance between two eyes (m), for a stereo pair; by default there is one eye.
+    #[schemars(range(min = 0.000001, max = 1000000.0))]
+    pub stereo: Option<f64>,
+    /// A pixel's width by its height: 2 for anamorphic pictures that are shown twice as wide.
+    #[schemars(range(min = 0.01, max = 100.0))]
+    pub pixel_aspect: f64,
     /// Distance in focus (m); by default the distance to `look_at`.
     #[schemars(range(min = 0.000001, max = 1000000000000.0))]
     pub focus: Option<f64>,
@@ -424,6 +430,8 @@ impl Default for Camera {
             up: [0.0, 1.0, 0.0],
             fov: 40.0,
             f_number: 0.0,
+            stereo: None,
+            pixel_aspect: 1.0,
             focus: None,
             shutter: 0.5,
             motion_steps: 1,
@@ -620,6 +628,17 @@ pub enum Compression {
     None,
 }
 
+/// Whose names the channels of EXR have.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Profile {
+    /// Those of docs/formats.md, section 3, which are Nuke's where Nuke has any.
+    #[default]
+    Nuke,
+    /// Blender's: `ViewLayer.Combined.R`, `ViewLayer.Depth.Z` ...
+    Blender,
+}
+
 /// From scene-linear to a display.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -644,6 +663,10 @@ pub struct Output {
     /// Stops of exposure for PNG, JPEG and BMP.
     #[schemars(range(min = -100.0, max = 100.0))]
     pub exposure: f64,
+    /// Whose names the channels of EXR have: `nuke` or `blender`.
+    pub profile: Profile,
+    /// Pixels beyond the frame: a share of it on each side (`5%`) or a count (`64px`).
+    pub overscan: Option<String>,
     /// Recorded in the file.
     pub owner: Option<String>,
     /// Recorded in the file.

@@ -16,8 +16,9 @@ use glam::Vec3;
 
 use self::visibility::{Event, KINDS, Kind, Tolerance, deep_samples};
 use super::{
-    Camera, Job, Observer, RenderError,
+    Job, Observer, RenderError,
     contact::Contact,
+    cryptomatte::Names,
     sampler::Sampler,
     tiles,
     world::{Shared, World},
@@ -86,10 +87,12 @@ pub fn render_deep(
     let mut scene = job.scene.clone();
     scene.render.caustics = Some(Caustics::Off);
     let settings = &scene.output.deep;
-    let size = (scene.render.width, scene.render.height);
-    let camera = |time: f64| Camera::new(job.path.pose(job.frame as f64 + time), size, scene.camera.f_number);
     let shared = Shared::new(&scene, job.sky);
-    let worlds = job.moments.iter().map(|moment| World::new(&scene, &shared, moment, job.sky, camera(moment.time)));
+    let mut names = Names::default();
+    let worlds = job
+        .moments
+        .iter()
+        .map(|moment| World::new(&scene, &shared, moment, job.sky, job.camera(moment.time), &mut names));
     let worlds: Vec<World> = worlds.collect::<Result<_, _>>()?;
     let tolerance = Tolerance { alpha: settings.alpha_tolerance as f32, depth: settings.depth_tolerance as f32 };
     let data = flat.data;
@@ -131,6 +134,7 @@ pub fn render_deep(
     }
     first.push(samples.len() as u64);
     let mut metadata = flat.metadata.clone();
+    metadata.cryptomattes.clear();
     metadata.complete &= done.into_inner() == total;
     Ok(DeepPicture { display: flat.display, data, first, samples, colored: settings.color, metadata })
 }

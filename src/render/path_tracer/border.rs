@@ -5,6 +5,7 @@ use glam::Vec3;
 use super::{
     super::{
         batches::{Asked, Carrier, PathState, Scratch},
+        cryptomatte::Sight,
         film::Layer,
         wave::Arrival,
         world::{SUN, World},
@@ -17,6 +18,7 @@ impl World<'_> {
     /// What the water's surface does to a path. The camera's own rays take both ways, all others one by chance.
     pub(super) fn path_border(&self, arrival: &Arrival, scratch: &mut Scratch) {
         let Arrival { carrier, direction, contact, .. } = arrival;
+        let beyond = self.cover_water(carrier, arrival.seen, scratch);
         if carrier.depth >= self.depth {
             return self.spend(carrier, scratch);
         }
@@ -55,7 +57,7 @@ impl World<'_> {
             bow: 0.0,
             ..carrier.path
         };
-        let child = Carrier { depth: carrier.depth + 1, ..*carrier };
+        let child = Carrier { depth: carrier.depth + 1, sight: Sight::Over, ..*carrier };
         let tolerance = self.secondary_tolerance_at(carrier.distance);
         let mirror = both || pick < reflectance;
         if let Some(bounce) = mirrored.filter(|_| mirror && reflectance > 0.0) {
@@ -78,7 +80,10 @@ impl World<'_> {
                 let weight = bounce.weight * radiance * if both { 1.0 - reflectance } else { 1.0 };
                 let density = bounce.pdf * if both { 1.0 } else { 1.0 - reflectance };
                 let guide = carrier.guide * (1.0 - reflectance);
+                // Behind spray one of the two ways was chosen by chance, which must not count against what lies below.
+                let by_chance = !both && carrier.layer.is_none();
                 let carrier = Carrier {
+                    sight: if by_chance { beyond.times((1.0 - reflectance).recip()) } else { beyond },
                     throughput: carrier.throughput * weight,
                     guide: if both { guide } else { guide / (1.0 - reflectance) },
                     layer: Some(refraction_layer),

@@ -116,8 +116,14 @@ mod tests {
 
     #[test]
     fn a_ball_is_seen_over_its_cone_and_gives_a_points_light_from_afar() {
-        let lamp =
-            Lamp { position: Vec3::new(0.0, 4.0, 0.0), intensity: Vec3::ONE, radius: 1.5, group: 0, in_water: false };
+        let lamp = Lamp {
+            position: Vec3::new(0.0, 4.0, 0.0),
+            intensity: Vec3::ONE,
+            radius: 1.5,
+            group: 0,
+            index: 0,
+            in_water: false,
+        };
         let sine = 1.5 / 4.0;
         let (mut sum, count) = (0.0, 4096);
         for index in 0..count {

@@ -7,6 +7,7 @@ use glam::Vec3;
 use super::{
     super::{
         batches::{Asked, Carrier, PathState, Scratch},
+        cryptomatte::Sight,
         film::Layer,
         matte::{Matte, PASSES},
         wave::Arrival,
@@ -41,6 +42,7 @@ impl World<'_> {
         if carrier.primary {
             self.offer(arrival, matte.normal, matte.velocity, 0.0, scratch);
         }
+        self.cover(carrier, arrival.seen, 1.0, scratch);
         self.throw_back(arrival, &matte, [u, v, chance], scratch);
     }
 
@@ -71,6 +73,7 @@ impl World<'_> {
             drops: None,
         };
         let [_, u, v, chance] = self.numbers(carrier, Purpose::Way, scratch);
+        self.cover(carrier, self.things.foam_on(arrival.seen), 1.0, scratch);
         self.throw_back(arrival, &matte, [u, v, chance], scratch);
         true
     }
@@ -83,8 +86,13 @@ impl World<'_> {
         }
         scratch.film.add_guide(carrier.place.pixel, carrier.guide, matte.albedo, matte.normal);
         let layer = carrier.layer.unwrap_or(matte.own_layer);
-        let carrier =
-            Carrier { guide: 0.0, layer: Some(layer), throughput: carrier.throughput * matte.albedo, ..*carrier };
+        let carrier = Carrier {
+            guide: 0.0,
+            layer: Some(layer),
+            throughput: carrier.throughput * matte.albedo,
+            sight: Sight::Over,
+            ..*carrier
+        };
         let first = !carrier.path.is_later();
         let caustic_layer =
             if carrier.in_water && first && layer == Layer::Refraction { Layer::Caustics } else { layer };

@@ -42,6 +42,8 @@ impl World<'_> {
         if carrier.primary {
             scratch.film.add_mist(carrier.place.pixel, 1.0, position, mist.velocity(position));
         }
+        let sight = self.cover(&at, self.things.mist(), 1.0, scratch);
+        let at = Carrier { sight, ..at };
         self.scatter_in_mist(at, position, direction, scratch);
         false
     }

@@ -222,6 +222,7 @@ impl World<'_> {
 
     fn meet_lamp(&self, carrier: &Carrier, lamp: &Lamp, direction: Vec3, scratch: &mut Scratch) {
         scratch.film.add_guide(carrier.place.pixel, carrier.guide, Vec3::ONE, -direction);
+        self.cover(carrier, self.things.lamp(lamp.index), 1.0, scratch);
         if carrier.path.covered {
             return;
         }

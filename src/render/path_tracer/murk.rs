@@ -5,6 +5,7 @@ use glam::Vec3;
 use super::{
     super::{
         batches::{Asked, Carrier, PathState, Scratch},
+        cryptomatte::Sight,
         film::Layer,
         world::World,
     },
@@ -52,8 +53,13 @@ impl World<'_> {
                 Some(layer) => layer,
             }),
             primary: false,
+            sight: Sight::Over,
             ..*carrier
         };
+        // A fog of the water's own hides what is behind it; only an eye in the water has that for its first sight.
+        if let Sight::Direct(_) = carrier.sight {
+            self.cover(carrier, self.things.water(), 1.0, scratch);
+        }
         self.scatter(at, origin + distance * direction, direction, phase, [numbers[2], numbers[3]], scratch);
         false
     }

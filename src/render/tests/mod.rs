@@ -1,6 +1,7 @@
 //! Whole pictures of small scenes whose light is known, and the scenes themselves.
 
 mod analytic;
+mod cryptomatte;
 mod deep;
 mod drops;
 mod mist;
@@ -74,6 +75,9 @@ impl Matter for Flat {
     }
     fn foam(&self, _position: Vec3, _footprint: f32) -> Option<FoamLook> {
         self.foam
+    }
+    fn has_foam(&self) -> bool {
+        self.foam.is_some()
     }
     fn mist(&self) -> Option<&Mist> {
         self.mist.as_ref()
@@ -153,6 +157,7 @@ pub(super) struct Setup {
     pub(super) look_at: [f64; 3],
     pub(super) crop: Option<crate::output::Window>,
     pub(super) threads: usize,
+    pub(super) mattes: Mattes,
 }
 
 impl Setup {
@@ -168,6 +173,7 @@ impl Setup {
             look_at,
             crop: None,
             threads: 1,
+            mattes: Mattes::default(),
         }
     }
 
@@ -225,6 +231,8 @@ impl Setup {
             frame: 7,
             crop: self.crop,
             threads: self.threads,
+            mattes: self.mattes,
+            aside: 0.0,
         };
         run(&job)
     }

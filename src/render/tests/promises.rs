@@ -29,6 +29,7 @@ pub(super) fn everything() -> Setup {
         part("sphere_0", Material::Diffuse(Vec3::new(0.7, 0.3, 0.2)), ball(Vec3::new(-0.6, 0.1, -0.7), 0.5)),
     ];
     let mut setup = Setup::new(scene, parts, [2.6, 1.4, 2.2], [0.0, 0.1, 0.0]);
+    setup.mattes = Mattes::ALL;
     let mist = super::mist::cloud(&[[0.9, 0.5, 0.8], [1.1, 0.7, 0.2], [-0.4, 0.2, 1.2]], 2e-3, 0.4);
     setup.matter = Flat { water: Some(0.0), bed: Some(-0.7), mist: Some(mist), ..Flat::default() };
     setup
@@ -100,8 +101,17 @@ fn crop_has_the_bits_of_the_full_frame_and_overscan_holds_it() {
     let (accelerator, path) = (setup.accelerator(&setup.lowered), setup.path());
     let moments =
         [Moment { time: 0.0, lowered: &setup.lowered, accelerator: &*accelerator, matter: &setup.matter, water: None }];
-    let job =
-        Job { scene: &setup.scene, moments: &moments, sky: &sky, path: &path, frame: 7, crop: setup.crop, threads: 1 };
+    let job = Job {
+        scene: &setup.scene,
+        moments: &moments,
+        sky: &sky,
+        path: &path,
+        frame: 7,
+        crop: setup.crop,
+        threads: 1,
+        mattes: Mattes::default(),
+        aside: 0.0,
+    };
     let result = render_frame(&job, &AtomicBool::new(false), &());
     assert!(matches!(result, Err(RenderError::EmptyWindow { width: 0, .. })));
 }
