@@ -7,7 +7,7 @@ use exr::{
 };
 use time::{OffsetDateTime, UtcOffset, macros::format_description};
 
-use super::{Metadata, OutputError, Picture, WriteOptions};
+use super::{Metadata, OutputError, Picture, Portion, WriteOptions};
 
 /// Height of the film back that focal lengths refer to (mm).
 const FILM_HEIGHT: f64 = 24.0;
@@ -67,6 +67,12 @@ pub(super) fn attributes(
         ("whitewater:tolerance", &m.tolerance),
         ("whitewater:denoiser", &m.denoiser),
     ];
+    if let Some(portion) = &m.portion {
+        list.push(("whitewater:tiles", text(&portion.tiles())));
+        if let Some(samples) = portion.sample_range() {
+            list.push(("whitewater:sampleRange", text(&samples)));
+        }
+    }
     // Empty strings say nothing, and OpenImageIO 3 drops them.
     list.extend(texts.into_iter().filter(|(_, t)| !t.is_empty()).map(|(name, t)| (name, text(t))));
     Ok(list)
@@ -76,6 +82,7 @@ pub(super) fn attributes(
 pub(super) fn metadata<'a>(attributes: impl Iterator<Item = (&'a [u8], AttributeValue)>) -> Metadata {
     use AttributeValue::{F32, I32, Matrix4x4, Rational};
     let mut m = Metadata::default();
+    let (mut tiles, mut range) = (None, None);
     let rows = |v: [f32; 16]| std::array::from_fn(|r| std::array::from_fn(|c| f64::from(v[4 * r + c])));
     for (name, value) in attributes {
         match (name, value) {
@@ -97,9 +104,12 @@ pub(super) fn metadata<'a>(attributes: impl Iterator<Item = (&'a [u8], Attribute
             (b"whitewater:solver", AttributeValue::Text(v)) => m.solver = string(&v),
             (b"whitewater:tolerance", AttributeValue::Text(v)) => m.tolerance = string(&v),
             (b"whitewater:denoiser", AttributeValue::Text(v)) => m.denoiser = string(&v),
+            (b"whitewater:tiles", AttributeValue::Text(v)) => tiles = Some(string(&v)),
+            (b"whitewater:sampleRange", AttributeValue::Text(v)) => range = Some(string(&v)),
             _ => {}
         }
     }
+    m.portion = tiles.and_then(|tiles| Portion::parse(&tiles, range.as_deref()));
     m
 }
 
@@ -279,6 +289,12 @@ mod tests {
             seconds: 1.5,
             complete: false,
             denoiser: "Open Image Denoise 2.5.1".into(),
+            portion: Some(Portion {
+                index: 2,
+                count: 3,
+                whole: crate::output::Window { x: -4, y: 5, width: 60, height: 7 },
+                samples: Some([16, 48]),
+            }),
         };
         let list = attributes(&picture, &WriteOptions::default()).unwrap();
         let back = metadata(list.iter().map(|(n, v)| (n.as_bytes(), v.clone())));

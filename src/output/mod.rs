@@ -4,6 +4,7 @@
 //! writes whole files only. Formats are fixed by docs/formats.md, section 3.
 
 mod attributes;
+mod claim;
 mod display;
 mod error;
 mod exr_file;
@@ -14,15 +15,18 @@ pub mod naming;
 mod oiio;
 mod parts;
 mod picture;
+mod portion;
 mod view;
-mod whole_file;
+pub(crate) mod whole_file;
 
 use std::path::{Path, PathBuf};
 
+pub use claim::Claim;
 pub use error::OutputError;
 pub use exr_read::read_exr;
 #[cfg(feature = "oiio")]
 pub use oiio::{OiioPart, read_with_oiio};
+pub use portion::Portion;
 pub use view::{display_value, filmic, srgb_encode};
 
 use crate::scene::{Compression, View, Writer};
@@ -48,7 +52,7 @@ pub struct Channel {
 }
 
 /// A rectangle of pixels: x to the right, y down, both from the display window's upper left.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Window {
     /// Left.
     pub x: i32,
@@ -74,7 +78,7 @@ pub struct Picture {
 }
 
 /// What is known about a picture (docs/formats.md, section 3, attributes).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Metadata {
     /// World (files' frame, m) → camera: left-handed, +z forward, +x right, +y up; row vectors (p M), as OpenEXR stores it.
     pub world_to_camera: [[f64; 4]; 4],
@@ -112,6 +116,8 @@ pub struct Metadata {
     pub complete: bool,
     /// What took the noise out of the beauty, with its version; empty if nothing did.
     pub denoiser: String,
+    /// Which part of a frame the picture is; `None` for a whole one.
+    pub portion: Option<Portion>,
 }
 impl Default for Metadata {
     /// A whole picture at 24 frames per second (what OpenEXR assumes where nothing is said) from an unknown camera.
@@ -136,6 +142,7 @@ impl Default for Metadata {
             seconds: 0.0,
             complete: true,
             denoiser: String::new(),
+            portion: None,
         }
     }
 }

@@ -3,6 +3,7 @@
 //! In go lowered parts, an accelerator and the looks of sky, ground and spray; out comes an `output::Picture`.
 
 mod batches;
+mod checkpoint;
 mod camera;
 pub mod caustics;
 mod contact;
@@ -15,8 +16,10 @@ mod matte;
 pub mod observer;
 mod path;
 mod path_tracer;
+mod plan;
 mod sampler;
 mod shadow;
+mod shares;
 mod single_scattering;
 mod tiles;
 mod wave;
@@ -25,15 +28,18 @@ mod world;
 
 pub use batches::RayCounts;
 pub use camera::{Camera, FILM_BACK_MM, Pose, concentric_disc};
+pub use checkpoint::{Checkpoint, CheckpointError, Keeping};
 pub use error::RenderError;
 pub use film::{Layer, NOTHING, channels};
 pub use framing::frame_points;
-pub use job::{Job, Moment, RenderStats, render_frame};
+pub use job::{Job, Moment, RenderStats, Task, render_frame, render_part};
 pub use looks::Looks;
 pub use observer::Observer;
 pub use path::CameraPath;
 pub use path_tracer::PathCounts;
+pub use plan::BLOCK;
 pub use sampler::{Run, Sample, Sampler};
+pub use shares::{around, tiles_of};
 pub use tiles::{TILE, tiles};
 pub use world::{GroundLook, Matter, SprayLook};
 
