@@ -9,6 +9,7 @@ use glam::DVec3;
 use super::args::RenderArgs;
 use super::errors::{CliError, Outcome};
 use super::foam;
+use super::keep;
 use super::load;
 use super::look::local_now;
 use super::moments::{self, MomentOfFrame};
@@ -20,8 +21,8 @@ use crate::denoise::Denoiser;
 use crate::foam::{FoamField, FoamState};
 use crate::lower::{self, Environment, LoweredFrame};
 use crate::optics::Sky;
-use crate::output::{self, Picture, Window, WriteOptions, WriteReport, layers, naming};
-use crate::render::{self, CameraPath, Job, Looks};
+use crate::output::{self, Claim, Picture, Window, WriteOptions, WriteReport, layers, naming};
+use crate::render::{self, CameraPath, Job, Keeping, Looks, Task};
 use crate::scene::{self, LoadedScene};
 use crate::simd::SimdLevel;
 use crate::state::{Columns, Frame, FrameSequence};
@@ -167,6 +168,7 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
             output::check(&naming::with_frame(output, number), &options).map_err(anyhow::Error::from)?;
         }
     }
+    check_parts(arguments, &options)?;
     // Loaded before the first ray: a library that is missing must not cost hours.
     let denoiser = arguments
         .denoise
@@ -193,6 +195,66 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
     })
 }
 
+/// Whether a part of a picture was asked for that can be joined later, and checkpoints that can be found again.
+fn check_parts(arguments: &RenderArgs, options: &WriteOptions) -> Result<(), CliError> {
+    let option = match (&arguments.tile, &arguments.sample_range) {
+        (Some(_), _) => Some("--tile"),
+        (None, Some(_)) => Some("--sample-range"),
+        _ => None,
+    };
+    if let Some(option) = option {
+        let problem = if arguments.denoise {
+            Some("--denoise looks at the whole picture: leave it out")
+        } else if arguments.output.iter().any(|path| !is_exr(path)) {
+            Some("expected -o NAME.exr: only EXR says which part of a picture it is")
+        } else if options.compression == scene::Compression::Dwaa {
+            Some("--compression dwaa would lose bits twice: give it to `whitewater merge` instead")
+        } else {
+            None
+        };
+        if let Some(problem) = problem {
+            return Err(anyhow::anyhow!("{option}: {problem}").into());
+        }
+    }
+    let wanted = [("--resume", arguments.resume), ("--keep-checkpoint", arguments.keep_checkpoint)];
+    if let Some((option, _)) = wanted.iter().find(|(_, given)| *given) {
+        if !arguments.output.iter().any(|path| is_exr(path)) {
+            return Err(anyhow::anyhow!("{option}: expected -o NAME.exr, beside which the checkpoint lies").into());
+        }
+        if arguments.checkpoint.is_zero() {
+            return Err(anyhow::anyhow!("{option}: --checkpoint 0 keeps none; expected some seconds").into());
+        }
+    }
+    Ok(())
+}
+
+fn is_exr(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"))
+}
+
+/// How the state of a frame is kept, if it is.
+fn keeping(run: &Run, number: i64) -> Result<Option<Keeping>, CliError> {
+    let arguments = run.arguments;
+    let Some(pattern) = run.outputs.iter().find(|path| is_exr(path)).filter(|_| !arguments.checkpoint.is_zero()) else {
+        return Ok(None);
+    };
+    let further = [
+        run.simd.name().to_owned(),
+        arguments.memory.map_or_else(String::new, |Bytes(bytes)| bytes.to_string()),
+    ];
+    let output = &run.loaded.scene.output;
+    Ok(Some(Keeping {
+        path: keep::checkpoint_path(&naming::with_frame(pattern, number)),
+        every: arguments.checkpoint,
+        resume: arguments.resume,
+        keep: arguments.keep_checkpoint,
+        identity: keep::identity(&run.loaded, &run.frames, number, &further)?,
+        scene_hash: run.loaded.hash.clone(),
+        owner: output.owner.clone(),
+        comments: output.comments.clone(),
+    }))
+}
+
 /// The camera over all frames. Without a place of its own it is framed on the sequence's first frame, whichever frames
 /// are asked for: so it stands still, and a frame rendered alone looks the same.
 fn camera_path(loaded: &LoadedScene, frames: &FrameSequence) -> Result<CameraPath, CliError> {
@@ -216,6 +278,10 @@ fn camera_path(loaded: &LoadedScene, frames: &FrameSequence) -> Result<CameraPat
 /// One frame from its file to its pictures.
 fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result<FrameStats, CliError> {
     let settings = &run.loaded.scene;
+    // Until the frame is written: two renders into one file would each undo the other's work.
+    let claims = run.outputs.iter().map(|pattern| Claim::new(&naming::with_frame(pattern, number)));
+    let _claims: Vec<Claim> = claims.collect::<Result<_, _>>().map_err(anyhow::Error::from)?;
+    let keeping = keeping(run, number)?;
     let clock = Instant::now();
     let states = moments::states(&run.loaded, &run.frames, number)?;
     let load_s = clock.elapsed().as_secs_f64();
@@ -260,7 +326,13 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         crop: run.crop,
         threads: run.threads,
     };
-    let (mut picture, render) = render::render_frame(&job, stop.flag(), progress).map_err(anyhow::Error::from)?;
+    let task = Task {
+        tile: run.arguments.tile.map(|share| (share.index, share.count)),
+        samples: run.arguments.sample_range.map(|range| range.ends),
+        keeping: keeping.as_ref(),
+    };
+    let (mut picture, render) = render::render_part(&job, &task, stop.flag(), progress).map_err(anyhow::Error::from)?;
+    let complete = picture.metadata.complete;
     let render_s = clock.elapsed().as_secs_f64();
     // Before layers are picked, so that the guides are there whichever are wanted.
     let denoise = run.denoiser.as_ref().map(|denoiser| denoiser.denoise(&mut picture));
@@ -268,6 +340,15 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
 
     let clock = Instant::now();
     let files = write(run, number, &mut picture)?;
+    if let Some(keeping) = keeping.filter(|keeping| complete && !keeping.keep) {
+        // Only now: until the picture has its name, the checkpoint is all there is.
+        match std::fs::remove_file(&keeping.path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                tracing::warn!("{} was not removed: {error}", keeping.path.display());
+            }
+            _ => {}
+        }
+    }
     Ok(FrameStats {
         frame: number,
         load_s,
@@ -291,7 +372,11 @@ fn write(run: &Run, number: i64, picture: &mut Picture) -> Result<Vec<WriteRepor
     picture.metadata.owner = settings.output.owner.clone();
     picture.metadata.comments = settings.output.comments.clone();
     picture.metadata.scene_hash = run.loaded.hash.clone();
-    let names = run.arguments.layers.clone().unwrap_or_default();
+    let mut names = run.arguments.layers.clone().unwrap_or_default();
+    if run.arguments.sample_range.is_some() && !names.is_empty() {
+        // Samples are joined by them.
+        names.extend(["samplecount", "z"].map(str::to_owned));
+    }
     layers::select(picture, &names).map_err(anyhow::Error::from)?;
     let when = run.options.captured.unwrap_or_else(local_now);
     let by_default =

@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 
 pub use claim::Claim;
 pub use error::OutputError;
-pub use exr_read::read_exr;
+pub use exr_read::{Encoding, encoding_of, read_exr};
 #[cfg(feature = "oiio")]
 pub use oiio::{OiioPart, read_with_oiio};
 pub use portion::Portion;
