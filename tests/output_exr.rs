@@ -51,6 +51,7 @@ fn picture() -> Picture {
         seconds: 3.5,
         complete: true,
         denoiser: "Open Image Denoise 2.5.1".into(),
+        portion: None,
     };
     Picture { display: (32, 48), data, channels, metadata }
 }

@@ -238,10 +238,8 @@ fn keeping(run: &Run, number: i64) -> Result<Option<Keeping>, CliError> {
     let Some(pattern) = run.outputs.iter().find(|path| is_exr(path)).filter(|_| !arguments.checkpoint.is_zero()) else {
         return Ok(None);
     };
-    let further = [
-        run.simd.name().to_owned(),
-        arguments.memory.map_or_else(String::new, |Bytes(bytes)| bytes.to_string()),
-    ];
+    let further =
+        [run.simd.name().to_owned(), arguments.memory.map_or_else(String::new, |Bytes(bytes)| bytes.to_string())];
     let output = &run.loaded.scene.output;
     Ok(Some(Keeping {
         path: keep::checkpoint_path(&naming::with_frame(pattern, number)),
@@ -280,8 +278,11 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
     let settings = &run.loaded.scene;
     // Until the frame is written: two renders into one file would each undo the other's work.
     let claims = run.outputs.iter().map(|pattern| Claim::new(&naming::with_frame(pattern, number)));
-    let _claims: Vec<Claim> = claims.collect::<Result<_, _>>().map_err(anyhow::Error::from)?;
+    let claims: Vec<Claim> = claims.collect::<Result<_, _>>().map_err(anyhow::Error::from)?;
     let keeping = keeping(run, number)?;
+    if let (Some(claim), Some(keeping)) = (claims.first(), &keeping) {
+        claim.sweep(&keeping.path);
+    }
     let clock = Instant::now();
     let states = moments::states(&run.loaded, &run.frames, number)?;
     let load_s = clock.elapsed().as_secs_f64();

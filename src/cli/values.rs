@@ -311,6 +311,18 @@ mod tests {
     }
 
     #[test]
+    fn parts_of_a_picture_are_counted_from_1_and_samples_from_0() {
+        assert_eq!("2/4".parse(), Ok(Share { index: 2, count: 4 }));
+        for text in ["0/4", "5/4", "2", "2/", "a/b", "-1/4"] {
+            assert!(text.parse::<Share>().is_err(), "{text}");
+        }
+        assert_eq!("16-32".parse(), Ok(SampleRange { ends: [16, 32] }));
+        for text in ["16", "32-16", "16-16", "-1-5", "a-b"] {
+            assert!(text.parse::<SampleRange>().is_err(), "{text}");
+        }
+    }
+
+    #[test]
     fn an_accuracy_carries_its_unit() {
         assert_eq!("0.05px".parse(), Ok(Accuracy::Pixels("0.05".into())));
         assert_eq!("1e-4m".parse(), Ok(Accuracy::Metres("0.0001".into())));

@@ -131,8 +131,9 @@ fn copy(part: &Part, window: Window, whole: Window, channels: &mut [Channel]) {
 /// What of a part shows that it is of another picture.
 fn stranger(part: &Part, first: &Part) -> Option<String> {
     let (metadata, expected) = (&part.picture.metadata, &first.picture.metadata);
-    let differ =
-        |what: &str, found: String, expected: String| (found != expected).then(|| format!("has {what} {found}; expected {expected}"));
+    let differ = |what: &str, found: String, expected: String| {
+        (found != expected).then(|| format!("has {what} {found}; expected {expected}"))
+    };
     let window = |window: Window| format!("{}x{} at {},{}", window.width, window.height, window.x, window.y);
     let layers = |picture: &Picture| {
         let names: Vec<String> = picture.channels.iter().map(|c| format!("{}:{:?}", c.name, c.sample_type)).collect();

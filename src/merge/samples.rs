@@ -21,20 +21,15 @@ fn rule(channel: &str) -> Option<Rule> {
         "samplecount" => Some(Rule::Count),
         "variance" => Some(Rule::Variance),
         "z" | "n" | "p" | "forward" | "backward" | "water" | "velocity" => Some(Rule::Nearest),
-        "beauty" | "albedo" | "dnormal" | "mask" | "reflection" | "refraction" | "volume" | "caustics" | "spray" | "foam"
-        | "mist" | "terrain" | "sky" => Some(Rule::Mean),
+        "beauty" | "albedo" | "dnormal" | "mask" | "reflection" | "refraction" | "volume" | "caustics" | "spray"
+        | "foam" | "mist" | "terrain" | "sky" => Some(Rule::Mean),
         layer if layer.starts_with("light_") => Some(Rule::Mean),
         _ => None,
     }
 }
 
 /// Joins the pixels of a tile; `parts` in the order of their samples.
-pub(super) fn join(
-    parts: &[&Part],
-    window: Window,
-    whole: Window,
-    channels: &mut [Channel],
-) -> Result<(), MergeError> {
+pub(super) fn join(parts: &[&Part], window: Window, whole: Window, channels: &mut [Channel]) -> Result<(), MergeError> {
     let unfit = |what: String| MergeError::Unfit { path: parts[0].path.clone(), what };
     let index = |name: &str| channels.iter().position(|channel| channel.name == name);
     let needed = |name: &str| {

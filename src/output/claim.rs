@@ -3,7 +3,10 @@
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
-use super::{OutputError, whole_file::check_target};
+use super::{
+    OutputError,
+    whole_file::{check_target, sweep},
+};
 
 /// The right to write a file, until dropped.
 #[derive(Debug)]
@@ -14,7 +17,7 @@ pub struct Claim {
 }
 
 impl Claim {
-    /// Claims the file of that name by the lock of `.NAME.lock` beside it.
+    /// Claims the file of that name by the lock of `.NAME.lock` beside it, and removes what a killed writer of it has left.
     ///
     /// *Errors*: another program has claimed it; the lock cannot be made (a folder that is read-only, or missing).
     pub fn new(path: &Path) -> Result<Self, OutputError> {
@@ -25,13 +28,15 @@ impl Claim {
         let beside = target.with_file_name(name);
         let failed = |source| OutputError::Io { action: "lock", path: path.to_path_buf(), source };
         loop {
-            let lock =
-                File::options().create(true).truncate(false).write(true).open(&beside).map_err(failed)?;
+            let lock = File::options().create(true).truncate(false).write(true).open(&beside).map_err(failed)?;
             match lock.try_lock() {
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => return Err(OutputError::InUse { path: path.to_path_buf() }),
                 Err(TryLockError::Error(error)) if error.kind() == std::io::ErrorKind::Unsupported => {
-                    tracing::warn!("{}: locks are not supported here; nothing keeps a second render away", path.display());
+                    tracing::warn!(
+                        "{}: locks are not supported here; nothing keeps a second render away",
+                        path.display()
+                    );
                     return Ok(Self { lock: None, path: beside });
                 }
                 Err(TryLockError::Error(error)) => return Err(failed(error)),
@@ -39,8 +44,16 @@ impl Claim {
             // Whoever had it before may have removed the name between our opening and locking it: then the lock is of
             // a file that nobody else will find.
             if is_named(&lock, &beside) {
+                sweep(path);
                 return Ok(Self { lock: Some(lock), path: beside });
             }
+        }
+    }
+
+    /// Removes what a killed writer has left of another file that only the holder of this claim writes: its checkpoint.
+    pub fn sweep(&self, path: &Path) {
+        if self.lock.is_some() {
+            sweep(path);
         }
     }
 }

@@ -80,7 +80,8 @@ pub struct Encoding {
 ///
 /// *Errors*: no EXR file.
 pub fn encoding_of(path: &Path) -> Result<Encoding, OutputError> {
-    let file = File::open(path).map_err(|source| OutputError::Io { action: "read", path: path.to_path_buf(), source })?;
+    let file =
+        File::open(path).map_err(|source| OutputError::Io { action: "read", path: path.to_path_buf(), source })?;
     let meta = MetaData::read_from_unbuffered(file, false)
         .map_err(|source| OutputError::Exr { path: path.to_path_buf(), source })?;
     let first = meta.headers.first();

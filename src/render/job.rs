@@ -284,18 +284,15 @@ impl Work<'_> {
             let rays = rays.fetch_add(traced, Ordering::Relaxed) + traced;
             self.observer.tiles(done.fetch_add(1, Ordering::Relaxed) + 1, total, rays);
         })?;
-        let mut stats = RenderStats { tiles_done: done.into_inner(), tiles: total, passes: 1, ..RenderStats::default() };
+        let mut stats =
+            RenderStats { tiles_done: done.into_inner(), tiles: total, passes: 1, ..RenderStats::default() };
         stats.add(&scratches);
         Ok(stats)
     }
 
     /// Pass after pass over all tiles, until every pixel is good enough or the time is over. The first pass is always
     /// finished, so that every pixel has a sample.
-    fn passes(
-        &self,
-        deadline: Deadline,
-        place: impl Fn(&mut Scratch) + Sync,
-    ) -> Result<RenderStats, RenderError> {
+    fn passes(&self, deadline: Deadline, place: impl Fn(&mut Scratch) + Sync) -> Result<RenderStats, RenderError> {
         let (job, stop, total) = (self.job, self.stop, self.windows.len() as u64);
         let mut reached = 0;
         let films: Vec<Mutex<FilmTile>> = (0..self.windows.len())

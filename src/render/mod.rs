@@ -3,9 +3,9 @@
 //! In go lowered parts, an accelerator and the looks of sky, ground and spray; out comes an `output::Picture`.
 
 mod batches;
-mod checkpoint;
 mod camera;
 pub mod caustics;
+mod checkpoint;
 mod contact;
 mod error;
 mod film;

@@ -137,9 +137,7 @@ pub(super) fn is_done(plan: &Plan, total: &FilmTile) -> bool {
         let samples = total.samples(pixel);
         match plan.noise {
             _ if plan.first < plan.least => samples >= plan.first,
-            Some(noise) if samples < plan.most => {
-                samples >= plan.least && total.relative_error(pixel, FLOOR) <= noise
-            }
+            Some(noise) if samples < plan.most => samples >= plan.least && total.relative_error(pixel, FLOOR) <= noise,
             Some(_) => true,
             None => samples >= plan.least,
         }

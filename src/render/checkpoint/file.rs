@@ -9,7 +9,12 @@ use std::sync::Arc;
 
 use sha2::{Digest, Sha256};
 
-use super::{super::film::{FilmTile, View}, super::plan::Plan, super::shares::tiles_of, CheckpointError};
+use super::{
+    super::film::{FilmTile, View},
+    super::plan::Plan,
+    super::shares::tiles_of,
+    CheckpointError,
+};
 use crate::output::{Metadata, OutputError, Portion, whole_file::write_whole};
 
 const MAGIC: &[u8] = b"whitewater render checkpoint ";
@@ -64,7 +69,8 @@ impl Checkpoint {
     /// *Errors*: they are not those of that tile.
     pub(super) fn blocks(&self, path: &Path, tile: usize) -> Result<Option<Vec<FilmTile>>, CheckpointError> {
         let Some(packed) = self.tiles.get(tile).cloned().flatten() else { return Ok(None) };
-        let damaged = |what: String| CheckpointError::Damaged { path: path.to_owned(), what: format!("tile {tile}: {what}") };
+        let damaged =
+            |what: String| CheckpointError::Damaged { path: path.to_owned(), what: format!("tile {tile}: {what}") };
         let windows = tiles_of(&self.header.portion).map_err(|error| damaged(error.to_string()))?;
         let plain = lz4_flex::decompress_size_prepended(&packed).map_err(|error| damaged(error.to_string()))?;
         let blocks: Vec<FilmTile> = postcard::from_bytes(&plain).map_err(|error| damaged(error.to_string()))?;

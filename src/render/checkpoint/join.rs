@@ -30,7 +30,10 @@ impl Checkpoint {
     pub fn join(parts: &[(PathBuf, Self)], partial: bool) -> Result<Picture, CheckpointError> {
         let refused = |path: &Path, what: String| CheckpointError::Join { path: path.to_owned(), what };
         let Some(((first_path, first), others)) = parts.split_first() else {
-            return Err(refused(Path::new(""), "there is nothing to join; expected at least one checkpoint".to_owned()));
+            return Err(refused(
+                Path::new(""),
+                "there is nothing to join; expected at least one checkpoint".to_owned(),
+            ));
         };
         for (path, other) in others {
             if let Some(what) = first.stranger(other) {
