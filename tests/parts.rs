@@ -256,7 +256,7 @@ fn killed(times: u32, threads: &str) {
         assert_eq!(names(&folder), ["out.exr", "whole"], "what killed renders leave is swept by the next");
     }
     assert!(resumed > 0, "no render went on from a checkpoint");
-    println!("{times} rounds of killed renders on {threads} threads, {resumed} went on from checkpoints");
+    eprintln!("{times} rounds of killed renders on {threads} threads, {resumed} went on from checkpoints");
 }
 
 #[test]
