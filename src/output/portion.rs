@@ -45,7 +45,11 @@ impl Portion {
             None => None,
             Some(range) => {
                 let (first, end) = range.split_once('-')?;
-                Some([first.parse().ok()?, end.parse().ok()?]).filter(|[first, end]: &[u32; 2]| first < end)
+                let range: [u32; 2] = [first.parse().ok()?, end.parse().ok()?];
+                if range[0] >= range[1] {
+                    return None;
+                }
+                Some(range)
             }
         };
         Some(Self { index, count, whole, samples }).filter(|portion| (1..=portion.count).contains(&portion.index))
