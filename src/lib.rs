@@ -24,6 +24,7 @@
 //! | [`render`] | camera, sampler, film, tiles, integrators |
 //! | [`output`] | EXR, metadata, PNG/JPEG/BMP, whole files only |
 //! | [`denoise`] | a finished picture without its noise |
+//! | [`merge`] | parts of a picture that were rendered apart → the picture |
 //! | [`mod@cli`], [`mod@bench`] | sit on top; nothing imports them |
 //!
 //! Frame: metres, right-handed, y up, x east, z south. Files are double precision; everything below [`lower`] is single
@@ -42,6 +43,7 @@ pub mod denoise;
 pub mod foam;
 pub mod lower;
 pub mod math;
+pub mod merge;
 pub mod mist;
 pub mod optics;
 pub mod output;

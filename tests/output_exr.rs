@@ -60,6 +60,7 @@ fn picture() -> Picture {
             layer: "CryptoObject".into(),
             names: ["water", "равнина", "panel_\"0\""].map(str::to_owned).to_vec(),
         }],
+        portion: None,
     };
     Picture { display: (32, 48), data, channels, metadata }
 }

@@ -38,6 +38,7 @@ const EDGES: &[(&str, &[&str])] = &[
             "output",
         ],
     ),
+    ("merge", &["output", "render"]),
     (
         "bench",
         &[
@@ -72,6 +73,7 @@ const EDGES: &[(&str, &[&str])] = &[
             "output",
             "denoise",
             "render",
+            "merge",
             "bench",
         ],
     ),

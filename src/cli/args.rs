@@ -3,12 +3,13 @@
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::errors::CliError;
-use super::values::{Accuracy, Bytes, Crop, FrameSelection, GridSize};
+use super::values::{Accuracy, Bytes, Crop, FrameSelection, GridSize, SampleRange, Share};
 use crate::scene::{Override, Surface, names_of};
 use crate::simd::SimdLevel;
 
@@ -34,6 +35,8 @@ pub struct Cli {
 pub enum Command {
     /// Render frames of a scene to EXR, PNG, JPEG or BMP
     Render(Box<RenderArgs>),
+    /// Join parts of a picture that were rendered apart
+    Merge(MergeArgs),
     /// Make the frames of a scene: simulate its water
     Simulate(SimulateArgs),
     /// Show what simulation files hold
@@ -98,6 +101,8 @@ Examples:
   whitewater render scene.toml -o 'frames/out.####.exr' --frames 1-48x2
   whitewater render scene.toml -o out.png --crop 0,0,640,360 --accuracy 0.05px
   whitewater render scene.toml --set 'water.absorption=[0,0,0]' --stats stats.json
+  whitewater render scene.toml -o t2.exr --tile 2/4
+  whitewater render scene.toml -o out.exr --resume
 
 An option that stands for a key of the scene (--accel, --solver, --accuracy, --compression) wins over --set.")]
 pub struct RenderArgs {
@@ -123,6 +128,21 @@ pub struct RenderArgs {
     /// Render a part: pixels from the upper left, X1 and Y1 exclusive
     #[arg(long, value_name = "X0,Y0,X1,Y1")]
     pub crop: Option<Crop>,
+    /// Render the I-th of N shares of the picture's tiles, for `whitewater merge`
+    #[arg(long, value_name = "I/N")]
+    pub tile: Option<Share>,
+    /// Render some samples of each pixel, for `whitewater merge`: from A on, B exclusive, multiples of 16
+    #[arg(long, value_name = "A-B")]
+    pub sample_range: Option<SampleRange>,
+    /// Keep the state of every pixel in .NAME.checkpoint beside NAME.exr so often; 0 never
+    #[arg(long, value_name = "S", default_value = "60", value_parser = seconds)]
+    pub checkpoint: Duration,
+    /// Leave the checkpoint of a finished frame, to refine it later (--resume with less --noise) or to merge it
+    #[arg(long)]
+    pub keep_checkpoint: bool,
+    /// Go on from the checkpoint of a frame that was stopped, killed, or is to be refined, to the same bits
+    #[arg(long)]
+    pub resume: bool,
     /// Write seconds, rays, solver work and memory as JSON
     #[arg(long, value_name = "FILE")]
     pub stats: Option<PathBuf>,
@@ -207,6 +227,34 @@ impl RenderArgs {
     pub fn selection(&self) -> Option<FrameSelection> {
         self.frame.map(FrameSelection::one).or_else(|| self.frames.clone())
     }
+}
+
+/// `whitewater merge`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+Examples:
+  for i in 1 2 3 4; do whitewater render scene.toml --tile $i/4 -o t$i.exr; done; whitewater merge t?.exr -o out.exr
+  whitewater merge a.exr b.exr -o out.exr                          # --sample-range 0-32 and 32-64: weighted by sampleCount
+  whitewater merge .a.exr.checkpoint .b.exr.checkpoint -o out.exr  # the same, to the bit (--keep-checkpoint)")]
+pub struct MergeArgs {
+    /// Pictures (EXR), or checkpoints, of all parts of one picture, in any order
+    #[arg(value_name = "PART", required = true)]
+    pub parts: Vec<PathBuf>,
+    /// The whole picture
+    #[arg(short, long, value_name = "OUT")]
+    pub output: PathBuf,
+    /// Write what there is, though parts are missing; the picture says so
+    #[arg(long)]
+    pub partial: bool,
+    /// Layers of the EXR: beauty,z,n,... [default: those of the parts; of checkpoints, all]
+    #[arg(long, value_name = "A,B,C", value_delimiter = ',')]
+    pub layers: Option<Vec<String>>,
+    /// Compression of the EXR [default: that of the parts; of checkpoints, zip]
+    #[arg(long, value_name = "NAME", value_parser = names("output.compression"))]
+    pub compression: Option<String>,
+    /// Leave dates and times out, for identical bytes [default: as the parts have it]
+    #[arg(long)]
+    pub reproducible: bool,
 }
 
 /// `whitewater simulate`.
@@ -441,6 +489,11 @@ fn threads(text: &str) -> Result<NonZeroUsize, String> {
     // More threads than any machine has are a slip of the hand, and each costs a stack.
     let threads = text.parse().ok().filter(|threads: &NonZeroUsize| threads.get() <= 4096);
     threads.ok_or_else(|| "expected a whole number from 1 to 4096".to_owned())
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    seconds.ok_or_else(|| "expected seconds, at least 0".to_owned())
 }
 
 fn metres(text: &str) -> Result<f64, String> {

@@ -4,8 +4,10 @@ pub mod args;
 pub mod bench;
 pub mod errors;
 mod foam;
+mod keep;
 pub mod load;
 mod look;
+pub mod merge;
 mod moments;
 pub mod progress;
 pub mod render;
@@ -56,6 +58,7 @@ pub fn run(arguments: impl Iterator<Item = OsString>) -> ExitCode {
 fn dispatch(command: &Command) -> Result<Outcome, CliError> {
     match command {
         Command::Render(arguments) => render::run(arguments),
+        Command::Merge(arguments) => merge::run(arguments),
         Command::Simulate(arguments) => simulate::run(arguments),
         Command::Trace(arguments) => trace::run(arguments),
         Command::Schema => schema::run(),

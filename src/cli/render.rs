@@ -9,6 +9,7 @@ use glam::DVec3;
 use super::args::RenderArgs;
 use super::errors::{CliError, Outcome};
 use super::foam;
+use super::keep;
 use super::load;
 use super::look::local_now;
 use super::moments::{self, MomentOfFrame};
@@ -20,9 +21,9 @@ use crate::denoise::{DenoiseReport, Denoiser};
 use crate::foam::{FoamField, FoamState};
 use crate::lower::{self, Environment, LoweredFrame};
 use crate::optics::{Rainbow, Sky};
-use crate::output::{self, DeepPicture, Metadata, Picture, Window, WriteOptions, WriteReport, layers, naming};
+use crate::output::{self, Claim, DeepPicture, Metadata, Picture, Window, WriteOptions, WriteReport, layers, naming};
 use crate::particles::Textures;
-use crate::render::{self, CameraPath, Job, Looks, Mattes, RenderStats};
+use crate::render::{self, CameraPath, Job, Keeping, Looks, Mattes, RenderStats, Task};
 use crate::scene::{self, LoadedScene, Overscan};
 use crate::simd::SimdLevel;
 use crate::state::{Columns, Frame, FrameSequence};
@@ -181,6 +182,7 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
             }
         }
     }
+    check_parts(arguments, settings, &options)?;
     // Loaded before the first ray: a library that is missing must not cost hours.
     let denoiser = arguments
         .denoise
@@ -227,6 +229,77 @@ fn overscanned(crop: Option<Window>, settings: &scene::Scene) -> Option<Window> 
     })
 }
 
+/// Whether a part of a picture was asked for that can be joined later, and checkpoints that can be found again.
+fn check_parts(arguments: &RenderArgs, settings: &scene::Scene, options: &WriteOptions) -> Result<(), CliError> {
+    let option = match (&arguments.tile, &arguments.sample_range) {
+        (Some(_), _) => Some("--tile"),
+        (None, Some(_)) => Some("--sample-range"),
+        _ => None,
+    };
+    if let Some(option) = option {
+        let problem = if arguments.denoise {
+            Some("--denoise looks at the whole picture: leave it out")
+        } else if settings.output.deep.enabled {
+            Some("deep pictures (--deep, output.deep.enabled) cannot be joined: render them whole")
+        } else if settings.camera.stereo.is_some() {
+            Some("a pair of eyes (--stereo, camera.stereo) cannot be joined: render one eye at a time")
+        } else if arguments.output.iter().any(|path| !is_exr(path)) {
+            Some("expected -o NAME.exr: only EXR says which part of a picture it is")
+        } else if options.compression == scene::Compression::Dwaa {
+            Some("--compression dwaa would lose bits twice: give it to `whitewater merge` instead")
+        } else {
+            None
+        };
+        if let Some(problem) = problem {
+            return Err(anyhow::anyhow!("{option}: {problem}").into());
+        }
+    }
+    let wanted = [("--resume", arguments.resume), ("--keep-checkpoint", arguments.keep_checkpoint)];
+    if let Some((option, _)) = wanted.iter().find(|(_, given)| *given) {
+        if !arguments.output.iter().any(|path| is_exr(path)) {
+            return Err(anyhow::anyhow!("{option}: expected -o NAME.exr, beside which the checkpoint lies").into());
+        }
+        if settings.camera.stereo.is_some() {
+            return Err(anyhow::anyhow!("{option}: a pair of eyes (camera.stereo) has no checkpoint").into());
+        }
+        if arguments.checkpoint.is_zero() {
+            return Err(anyhow::anyhow!("{option}: --checkpoint 0 keeps none; expected some seconds").into());
+        }
+    }
+    Ok(())
+}
+
+fn is_exr(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"))
+}
+
+/// How the state of a frame is kept, if it is.
+fn keeping(run: &Run, number: i64) -> Result<Option<Keeping>, CliError> {
+    let arguments = run.arguments;
+    // A pair is two pictures.
+    let none = arguments.checkpoint.is_zero() || run.loaded.scene.camera.stereo.is_some();
+    let Some(pattern) = run.outputs.iter().find(|path| is_exr(path)).filter(|_| !none) else {
+        return Ok(None);
+    };
+    let further = [
+        run.simd.name().to_owned(),
+        arguments.memory.map_or_else(String::new, |Bytes(bytes)| bytes.to_string()),
+        // What was not asked for is in no sums.
+        format!("{:?}", mattes(run)),
+    ];
+    let output = &run.loaded.scene.output;
+    Ok(Some(Keeping {
+        path: keep::checkpoint_path(&naming::with_frame(pattern, number)),
+        every: arguments.checkpoint,
+        resume: arguments.resume,
+        keep: arguments.keep_checkpoint,
+        identity: keep::identity(&run.loaded, &run.frames, number, &further)?,
+        scene_hash: run.loaded.hash.clone(),
+        owner: output.owner.clone(),
+        comments: output.comments.clone(),
+    }))
+}
+
 /// The camera over all frames. Without a place of its own it is framed on the sequence's first frame, whichever frames
 /// are asked for: so it stands still, and a frame rendered alone looks the same.
 fn camera_path(loaded: &LoadedScene, frames: &FrameSequence) -> Result<CameraPath, CliError> {
@@ -250,6 +323,13 @@ fn camera_path(loaded: &LoadedScene, frames: &FrameSequence) -> Result<CameraPat
 /// One frame from its file to its pictures.
 fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result<FrameStats, CliError> {
     let settings = &run.loaded.scene;
+    // Until the frame is written: two renders into one file would each undo the other's work.
+    let claims = run.outputs.iter().map(|pattern| Claim::new(&naming::with_frame(pattern, number)));
+    let claims: Vec<Claim> = claims.collect::<Result<_, _>>().map_err(anyhow::Error::from)?;
+    let keeping = keeping(run, number)?;
+    if let (Some(claim), Some(keeping)) = (claims.first(), &keeping) {
+        claim.sweep(&keeping.path);
+    }
     let clock = Instant::now();
     let states = moments::states(&run.loaded, &run.frames, number)?;
     let load_s = clock.elapsed().as_secs_f64();
@@ -306,7 +386,13 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
             mattes: mattes(run),
             aside,
         };
-        let (mut picture, stats) = render::render_frame(&job, stop.flag(), progress).map_err(anyhow::Error::from)?;
+        let task = Task {
+            tile: run.arguments.tile.map(|share| (share.index, share.count)),
+            samples: run.arguments.sample_range.map(|range| range.ends),
+            keeping: keeping.as_ref(),
+        };
+        let part = render::render_part(&job, &task, stop.flag(), progress);
+        let (mut picture, stats) = part.map_err(anyhow::Error::from)?;
         render += stats;
         // Before layers are picked, so that the guides are there whichever are wanted.
         let report = run.denoiser.as_ref().map(|denoiser| denoiser.denoise(&mut picture));
@@ -320,8 +406,12 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
             let samples = render::render_deep(&job, &picture, stop.flag(), progress);
             deep = Some(samples.map_err(anyhow::Error::from)?);
         }
-        let names = run.arguments.layers.as_deref().unwrap_or_default();
-        layers::select(&mut picture, names).map_err(anyhow::Error::from)?;
+        let mut names = run.arguments.layers.clone().unwrap_or_default();
+        if run.arguments.sample_range.is_some() && !names.is_empty() {
+            // Samples are joined by them.
+            names.extend(["samplecount", "z"].map(str::to_owned));
+        }
+        layers::select(&mut picture, &names).map_err(anyhow::Error::from)?;
         pictures.push(picture);
     }
     let mut pictures = pictures.into_iter();
@@ -330,10 +420,20 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         Some(right) => output::pair(left, right),
         None => left,
     };
+    let complete = picture.metadata.complete;
     let render_s = clock.elapsed().as_secs_f64();
 
     let clock = Instant::now();
     let files = write(run, number, &mut picture, deep)?;
+    if let Some(keeping) = keeping.filter(|keeping| complete && !keeping.keep) {
+        // Only now: until the picture has its name, the checkpoint is all there is.
+        match std::fs::remove_file(&keeping.path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                tracing::warn!("{} was not removed: {error}", keeping.path.display());
+            }
+            _ => {}
+        }
+    }
     Ok(FrameStats {
         frame: number,
         load_s,

@@ -130,6 +130,46 @@ impl FromStr for Crop {
     }
 }
 
+/// A share of a picture's tiles as typed: `I/N`, I from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Share {
+    /// Which.
+    pub index: u32,
+    /// Of how many.
+    pub count: u32,
+}
+
+impl FromStr for Share {
+    type Err = Malformed;
+
+    fn from_str(text: &str) -> Result<Self, Malformed> {
+        let numbers = text.split_once('/').and_then(|(index, count)| Some((index.parse().ok()?, count.parse().ok()?)));
+        match numbers {
+            Some((index, count)) if (1..=count).contains(&index) => Ok(Self { index, count }),
+            _ => Err(malformed("I/N, the I-th of N shares from 1/N to N/N, as 2/4")),
+        }
+    }
+}
+
+/// Samples of each pixel as typed: `A-B`, from 0, B exclusive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SampleRange {
+    /// The first, and the one after the last.
+    pub ends: [u32; 2],
+}
+
+impl FromStr for SampleRange {
+    type Err = Malformed;
+
+    fn from_str(text: &str) -> Result<Self, Malformed> {
+        let numbers = text.split_once('-').and_then(|(first, end)| Some([first.parse().ok()?, end.parse().ok()?]));
+        match numbers {
+            Some(ends) if ends[0] < ends[1] => Ok(Self { ends }),
+            _ => Err(malformed("A-B, the samples from A on and before B, as 0-64")),
+        }
+    }
+}
+
 /// How near a hit must be to the true one: `0.05px` or `1e-4m`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Accuracy {
@@ -267,6 +307,18 @@ mod tests {
         assert!(crop.window(29, 60).is_err_and(|error| error.expected.contains("0,0,29,60")));
         for text in ["", "1,2,3", "5,5,5,9", "0,9,5,5", "-1,0,5,5", "0,0,1.5,2", "0,0,1,99999999999"] {
             assert!(text.parse::<Crop>().is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn parts_of_a_picture_are_counted_from_1_and_samples_from_0() {
+        assert_eq!("2/4".parse(), Ok(Share { index: 2, count: 4 }));
+        for text in ["0/4", "5/4", "2", "2/", "a/b", "-1/4"] {
+            assert!(text.parse::<Share>().is_err(), "{text}");
+        }
+        assert_eq!("16-32".parse(), Ok(SampleRange { ends: [16, 32] }));
+        for text in ["16", "32-16", "16-16", "-1-5", "a-b"] {
+            assert!(text.parse::<SampleRange>().is_err(), "{text}");
         }
     }
 

@@ -9,7 +9,7 @@ use exr::{
 };
 use time::{OffsetDateTime, UtcOffset, macros::format_description};
 
-use super::{Cryptomatte, EYES, Metadata, OutputError, Picture, WriteOptions, cryptomatte};
+use super::{Cryptomatte, EYES, Metadata, OutputError, Picture, Portion, WriteOptions, cryptomatte};
 
 /// Height of the film back that focal lengths refer to (mm).
 const FILM_HEIGHT: f64 = 24.0;
@@ -80,6 +80,12 @@ pub(super) fn attributes(
         ("whitewater:tolerance", &m.tolerance),
         ("whitewater:denoiser", &m.denoiser),
     ];
+    if let Some(portion) = &m.portion {
+        list.push(("whitewater:tiles", text(&portion.tiles())));
+        if let Some(samples) = portion.sample_range() {
+            list.push(("whitewater:sampleRange", text(&samples)));
+        }
+    }
     // Empty strings say nothing, and OpenImageIO 3 drops them.
     list.extend(texts.into_iter().filter(|(_, t)| !t.is_empty()).map(|(name, t)| (name, text(t))));
     let mut list: Vec<_> = list.into_iter().map(|(name, value)| (Cow::Borrowed(name), value)).collect();
@@ -97,6 +103,7 @@ pub(super) fn metadata<'a>(attributes: impl Iterator<Item = (&'a [u8], Attribute
         AttributeValue::Text(text) => Some((*name, text)),
         _ => None,
     }));
+    let (mut tiles, mut range) = (None, None);
     let rows = |v: [f32; 16]| std::array::from_fn(|r| std::array::from_fn(|c| f64::from(v[4 * r + c])));
     for (name, value) in list {
         if let (Some(at), Matrix4x4(v)) = (RIGHT_EYE.iter().position(|known| known.as_bytes() == name), &value) {
@@ -121,9 +128,12 @@ pub(super) fn metadata<'a>(attributes: impl Iterator<Item = (&'a [u8], Attribute
             (b"whitewater:solver", AttributeValue::Text(v)) => m.solver = string(&v),
             (b"whitewater:tolerance", AttributeValue::Text(v)) => m.tolerance = string(&v),
             (b"whitewater:denoiser", AttributeValue::Text(v)) => m.denoiser = string(&v),
+            (b"whitewater:tiles", AttributeValue::Text(v)) => tiles = Some(string(&v)),
+            (b"whitewater:sampleRange", AttributeValue::Text(v)) => range = Some(string(&v)),
             _ => {}
         }
     }
+    m.portion = tiles.and_then(|tiles| Portion::parse(&tiles, range.as_deref()));
     m
 }
 
@@ -308,6 +318,12 @@ mod tests {
                 std::array::from_fn(|r| std::array::from_fn(|c| (m + r * c) as f64))
             })),
             cryptomattes: vec![Cryptomatte { layer: "CryptoBed".into(), names: vec!["terrain".into(), "mist".into()] }],
+            portion: Some(Portion {
+                index: 2,
+                count: 3,
+                whole: crate::output::Window { x: -4, y: 5, width: 60, height: 7 },
+                samples: Some([16, 48]),
+            }),
         };
         let list = attributes(&picture, &WriteOptions::default()).unwrap();
         let back = metadata(list.iter().map(|(n, v)| (n.as_bytes(), v.clone())));

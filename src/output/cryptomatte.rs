@@ -12,7 +12,7 @@ use super::{Picture, attributes};
 pub const RANKS: usize = 6;
 
 /// The names that one set of mattes is about.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Cryptomatte {
     /// The layer's name without its digits, as `CryptoObject`.
     pub layer: String,

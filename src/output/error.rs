@@ -46,6 +46,12 @@ pub enum OutputError {
         /// The path asked for.
         path: PathBuf,
     },
+    /// Another program is writing the target.
+    #[error("{path} is being written by another render; wait for it or choose another name")]
+    InUse {
+        /// The path asked for.
+        path: PathBuf,
+    },
     /// `output.writer = "oiio"` in a program without OpenImageIO.
     #[error(
         "{path}: output.writer = \"oiio\" needs OpenImageIO, which this program was built without; build with \

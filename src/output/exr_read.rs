@@ -13,6 +13,7 @@ use super::{
     attributes::{metadata, string},
     parts::Part,
 };
+use crate::scene::Compression;
 
 /// Reads a flat EXR file: the channels of all its parts, the windows, and the metadata that its attributes tell of.
 ///
@@ -66,6 +67,36 @@ pub fn read_exr(path: &Path) -> Result<Picture, OutputError> {
     // Stable, so that all but these four stay in the file's order.
     picture.channels.sort_by_key(|c| ["R", "G", "B", "A"].iter().position(|n| *n == c.name).unwrap_or(4));
     Ok(picture)
+}
+
+/// How a file was written, beyond what a picture says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Encoding {
+    /// Compression of its first part.
+    pub compression: Compression,
+    /// It has no date.
+    pub reproducible: bool,
+}
+
+/// How an EXR file was written.
+///
+/// *Errors*: no EXR file.
+pub fn encoding_of(path: &Path) -> Result<Encoding, OutputError> {
+    let file =
+        File::open(path).map_err(|source| OutputError::Io { action: "read", path: path.to_path_buf(), source })?;
+    let meta = MetaData::read_from_unbuffered(file, false)
+        .map_err(|source| OutputError::Exr { path: path.to_path_buf(), source })?;
+    let first = meta.headers.first();
+    let compression = match first.map(|header| header.compression) {
+        Some(attribute::Compression::Uncompressed) => Compression::None,
+        Some(attribute::Compression::ZIP1) => Compression::Zips,
+        Some(attribute::Compression::PIZ) => Compression::Piz,
+        Some(attribute::Compression::DWAA(_)) => Compression::Dwaa,
+        // What we do not write is kept without loss.
+        _ => Compression::Zip,
+    };
+    let reproducible = first.is_none_or(|header| header.own_attributes.capture_date.is_none());
+    Ok(Encoding { compression, reproducible })
 }
 
 /// Checks a file just written: its parts, windows and channels are the picture's, and every chunk is there and whole,
@@ -132,10 +163,7 @@ fn window(header: &Header) -> Window {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        output::{WriteOptions, parts::parts},
-        scene::Compression,
-    };
+    use crate::output::{WriteOptions, parts::parts};
 
     /// A picture of 40 rows (three chunks of 16 lines) and its file's bytes.
     fn written(folder: &Path) -> (Picture, Vec<Part>, Vec<u8>) {

@@ -4,6 +4,7 @@
 //! writes whole files only. Formats are fixed by docs/formats.md, section 3.
 
 mod attributes;
+mod claim;
 pub mod cryptomatte;
 mod deep;
 #[cfg(feature = "oiio")]
@@ -18,21 +19,24 @@ pub mod naming;
 mod oiio;
 mod parts;
 mod picture;
+mod portion;
 mod profile;
 mod view;
 mod views;
-mod whole_file;
+pub(crate) mod whole_file;
 
 use std::path::{Path, PathBuf};
 
+pub use claim::Claim;
 pub use cryptomatte::Cryptomatte;
 pub use deep::{DeepPicture, DeepSample};
 #[cfg(feature = "oiio")]
 pub use deep_file::read_deep;
 pub use error::OutputError;
-pub use exr_read::read_exr;
+pub use exr_read::{Encoding, encoding_of, read_exr};
 #[cfg(feature = "oiio")]
 pub use oiio::{OiioPart, read_with_oiio};
+pub use portion::Portion;
 pub use view::{display_value, filmic, srgb_encode};
 pub use views::{EYES, pair};
 
@@ -59,7 +63,7 @@ pub struct Channel {
 }
 
 /// A rectangle of pixels: x to the right, y down, both from the display window's upper left.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Window {
     /// Left.
     pub x: i32,
@@ -85,7 +89,7 @@ pub struct Picture {
 }
 
 /// What is known about a picture (docs/formats.md, section 3, attributes).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Metadata {
     /// World (files' frame, m) → camera: left-handed, +z forward, +x right, +y up; row vectors (p M), as OpenEXR stores it.
     pub world_to_camera: [[f64; 4]; 4],
@@ -129,6 +133,8 @@ pub struct Metadata {
     pub right_eye: Option<[[[f64; 4]; 4]; 3]>,
     /// Names of the things that Cryptomatte layers tell apart.
     pub cryptomattes: Vec<Cryptomatte>,
+    /// Which part of a frame the picture is; `None` for a whole one.
+    pub portion: Option<Portion>,
 }
 
 impl Default for Metadata {
@@ -157,6 +163,7 @@ impl Default for Metadata {
             pixel_aspect: 1.0,
             right_eye: None,
             cryptomattes: Vec::new(),
+            portion: None,
         }
     }
 }

@@ -7,6 +7,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use sha2::{Digest, Sha256};
+
 use super::OutputError;
 
 /// Where a file of that name would really go: links followed, folder present, nothing unwritable in the way.
@@ -58,7 +60,8 @@ pub(crate) fn write_whole(
 
     let suffix = target.extension().map(|e| format!(".{}", e.to_string_lossy())).unwrap_or_default();
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".whitewater-").suffix(&suffix);
+    let prefix = prefix(&target);
+    builder.prefix(&prefix).suffix(&suffix);
     // Temporary files are private by default; a finished picture has the permissions that any new file gets.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
@@ -77,6 +80,26 @@ pub(crate) fn write_whole(
     temporary.persist(&target).map_err(|e| failed("put in place")(e.error))?;
     sync_directory(&directory).map_err(failed("sync the folder of"))?;
     Ok(bytes)
+}
+
+/// How the temporary files of a target begin: short, however long its name is.
+fn prefix(target: &Path) -> String {
+    let name = target.file_name().unwrap_or_default();
+    let hash = Sha256::digest(name.as_encoded_bytes());
+    format!(".whitewater-{:02x}{:02x}{:02x}{:02x}-", hash[0], hash[1], hash[2], hash[3])
+}
+
+/// Removes what a writer of that file has left that was killed. Only whoever alone may write it may ask for that.
+pub(crate) fn sweep(path: &Path) {
+    let Ok(target) = check_target(path) else { return };
+    let prefix = prefix(&target);
+    let Ok(entries) = fs::read_dir(directory_of(&target)) else { return };
+    for entry in entries.flatten() {
+        if entry.file_name().to_str().is_some_and(|name| name.starts_with(&prefix)) {
+            // What cannot be removed does no harm.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
 }
 
 fn directory_of(path: &Path) -> PathBuf {
@@ -157,6 +180,19 @@ mod tests {
         assert_eq!(names(directory.path()), ["a.bin"]);
         write_whole(&target, put(b"new"), |_| Ok(())).unwrap();
         assert_eq!(fs::read(&target).unwrap(), b"new");
+    }
+
+    #[test]
+    fn what_a_killed_writer_left_is_swept_and_nothing_else() {
+        let directory = tempfile::tempdir().unwrap();
+        let target = directory.path().join("a.bin");
+        let left = directory.path().join(prefix(&target) + "Ab12.bin");
+        let other = directory.path().join(prefix(&directory.path().join("b.bin")) + "Ab12.bin");
+        for path in [&left, &other, &target] {
+            fs::write(path, b"x").unwrap();
+        }
+        sweep(&target);
+        assert!(!left.exists() && other.exists() && target.exists());
     }
 
     #[test]

@@ -15,6 +15,7 @@ use super::{
 };
 use crate::{
     accel::{HitBatch, RayBatch},
+    output::Window,
     surface::SolveCounts,
 };
 
@@ -246,8 +247,12 @@ pub(super) struct CameraSample {
 /// Everything that one thread keeps from tile to tile.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
-    /// The tile's sums.
+    /// The sums of the samples under way.
     pub(super) film: FilmTile,
+    /// The tile's sums so far.
+    pub(super) total: FilmTile,
+    /// The same block by block, where they are to be joined to others later.
+    pub(super) blocks: Vec<FilmTile>,
     /// Pixels of the tile that get more samples.
     pub(super) active: Vec<u32>,
     /// The camera's samples of the chunk under way.
@@ -285,9 +290,23 @@ pub(super) struct Scratch {
 }
 
 impl Scratch {
+    /// Starts with a tile, from the sums of its blocks of samples if it has any.
+    pub(super) fn start(&mut self, window: Window, groups: usize, blocks: Option<Vec<FilmTile>>) {
+        self.total.reset(window, groups);
+        self.blocks = blocks.unwrap_or_default();
+        for block in &self.blocks {
+            self.total.join(block);
+        }
+    }
+
+    /// What is kept of the tile: its sums, or if they are to stay apart those of its blocks of samples.
+    pub(super) fn kept(&self, apart: bool) -> &[FilmTile] {
+        if apart { &self.blocks } else { std::slice::from_ref(&self.total) }
+    }
+
     /// Counts what the film says of a tile that is done.
     pub(super) fn tally(&mut self) {
-        self.nonfinite += self.film.nonfinite;
-        self.taken += self.film.all_samples();
+        self.nonfinite += self.total.nonfinite;
+        self.taken += self.total.all_samples();
     }
 }

@@ -11,7 +11,7 @@ use super::RenderError;
 pub const FILM_BACK_MM: f64 = 24.0;
 
 /// Where the eye is and what it looks at, at one moment.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Pose {
     /// Eye (files' frame, m).
     pub eye: DVec3,
@@ -59,7 +59,7 @@ impl Pose {
 }
 
 /// A pose with a lens and a film of `width` by `height` pixels.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Camera {
     /// Where it is.
     pub pose: Pose,

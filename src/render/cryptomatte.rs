@@ -15,7 +15,7 @@ use super::{
 };
 
 /// Which sets of mattes a picture gets.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Mattes {
     /// `CryptoObject`: parts by their names.
     pub object: bool,
@@ -60,7 +60,7 @@ pub(super) struct Seen {
 }
 
 /// The things of a frame by name, over all moments of its shutter.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub(super) struct Names {
     mattes: Mattes,
     objects: List,
@@ -68,7 +68,7 @@ pub(super) struct Names {
 }
 
 /// Names, each once, with their ids.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 struct List(Vec<(String, u32)>);
 
 impl List {
@@ -138,6 +138,11 @@ impl Names {
         }
     }
 
+    /// The sets that there are names for.
+    pub(super) fn mattes(&self) -> Mattes {
+        self.mattes
+    }
+
     /// What the file tells of the names.
     pub(super) fn cryptomattes(&self) -> Vec<Cryptomatte> {
         let names = |kind| if kind == 1 { self.materials.names() } else { self.objects.names() };
@@ -165,7 +170,7 @@ impl Names {
 pub(super) type Pixel = [Vec<(u16, f32)>; 3];
 
 /// The sums of a tile's pixels.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub(super) struct Coverage {
     /// Empty unless a matte is asked for and something has been met.
     pixels: Vec<Pixel>,
@@ -175,6 +180,22 @@ impl Coverage {
     /// Forgets everything but the memory.
     pub(super) fn clear(&mut self) {
         self.pixels.iter_mut().flatten().for_each(Vec::clear);
+    }
+
+    /// Adds the sums of later samples of the same pixels.
+    pub(super) fn join(&mut self, later: &Self) {
+        for (pixel, sets) in (0..).zip(&later.pixels) {
+            for (kind, list) in sets.iter().enumerate() {
+                list.iter().for_each(|&(slot, weight)| self.add(pixel, kind, slot, weight));
+            }
+        }
+    }
+
+    /// Whether everything that has been met has a name.
+    pub(super) fn is_of(&self, names: &Names) -> bool {
+        let count = |kind| if kind == 1 { names.materials.0.len() } else { names.objects.0.len() };
+        let known = |kind: usize, list: &[(u16, f32)]| list.iter().all(|&(slot, _)| usize::from(slot) < count(kind));
+        self.pixels.iter().all(|sets| sets.iter().enumerate().all(|(kind, list)| known(kind, list)))
     }
 
     /// What a pixel's samples have met.

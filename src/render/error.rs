@@ -55,6 +55,29 @@ pub enum RenderError {
         /// Height.
         height: u32,
     },
+    /// More shares than tiles, or no share of that number.
+    #[error("--tile {index}/{count}: expected shares from 1 to at most {tiles}, the tiles of this picture")]
+    EmptyShare {
+        /// The share, from 1.
+        index: u32,
+        /// How many there should be.
+        count: u32,
+        /// Tiles.
+        tiles: u64,
+    },
+    /// A range of samples that cannot be rendered by itself.
+    #[error("--sample-range {start}-{end}: expected {expected}")]
+    SampleRange {
+        /// First sample.
+        start: u32,
+        /// One after the last.
+        end: u32,
+        /// What it has to be.
+        expected: String,
+    },
+    /// A checkpoint cannot be gone on from.
+    #[error(transparent)]
+    Checkpoint(#[from] super::CheckpointError),
     /// The threads could not be started.
     #[error("could not start {threads} threads: {reason}")]
     Threads {

@@ -130,7 +130,7 @@ pub(super) struct Place {
 }
 
 /// The moments of a pixel's samples, from which its noise is judged.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize)]
 struct Moments {
     samples: u32,
     sum: f64,
@@ -150,7 +150,7 @@ impl Moments {
 }
 
 /// What the camera's ray met nearest of all samples of a pixel.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, serde::Serialize, serde::Deserialize)]
 pub(super) struct Nearest {
     /// Planar depth (m); [`NOTHING`] if nothing was hit.
     pub(super) depth: f32,
@@ -181,7 +181,7 @@ impl Nearest {
 }
 
 /// What mist shows of itself in a pixel: sums over its samples.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize)]
 struct MistSeen {
     /// Share of the camera's own rays that it has taken.
     weight: f32,
@@ -192,7 +192,10 @@ struct MistSeen {
 }
 
 /// The sums of one tile's pixels.
-#[derive(Clone, Debug, Default)]
+///
+/// Checkpoints hold it as serde writes it: whatever is added here is kept, and goes into [`FilmTile::join`] and
+/// [`FilmTile::fits`] too.
+#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub(super) struct FilmTile {
     /// The pixels, of the full frame.
     pub(super) window: Window,
@@ -202,6 +205,7 @@ pub(super) struct FilmTile {
     stride: usize,
     moments: Vec<Moments>,
     /// Luminance so far of each camera's sample of the chunk under way.
+    #[serde(skip)]
     paths: Vec<f32>,
     albedo: Vec<Vec3>,
     normal: Vec<Vec3>,
@@ -239,6 +243,54 @@ impl FilmTile {
         self.coverage.clear();
     }
 
+    /// Starts over for the pixels and groups of another tile; keeps the memory.
+    pub(super) fn reset_as(&mut self, other: &Self) {
+        self.reset(other.window, other.stride - Layer::ALL.len());
+    }
+
+    /// Adds the sums of later samples of the same pixels. Sums of a block of samples are made by themselves and then
+    /// joined in order, so that blocks made elsewhere join to the same bits.
+    pub(super) fn join(&mut self, later: &Self) {
+        fn add<T: Copy + std::ops::AddAssign>(sums: &mut [T], later: &[T]) {
+            for (sum, &value) in sums.iter_mut().zip(later) {
+                *sum += value;
+            }
+        }
+        add(&mut self.light, &later.light);
+        add(&mut self.albedo, &later.albedo);
+        add(&mut self.normal, &later.normal);
+        add(&mut self.uncovered, &later.uncovered);
+        add(&mut self.foam, &later.foam);
+        for (sum, later) in self.moments.iter_mut().zip(&later.moments) {
+            sum.samples += later.samples;
+            sum.sum += later.sum;
+            sum.squares += later.squares;
+        }
+        for (sum, later) in self.mist.iter_mut().zip(&later.mist) {
+            sum.weight += later.weight;
+            sum.position += later.position;
+            sum.velocity += later.velocity;
+        }
+        for (nearest, later) in self.nearest.iter_mut().zip(&later.nearest) {
+            if later.depth < nearest.depth {
+                *nearest = *later;
+            }
+        }
+        self.coverage.join(&later.coverage);
+        self.nonfinite += later.nonfinite;
+    }
+
+    /// Whether these are the sums of `window` with so many light groups: one of everything for each pixel.
+    pub(super) fn fits(&self, window: Window, groups: usize, names: &Names) -> bool {
+        let count = window.area();
+        self.window == window
+            && self.stride == Layer::ALL.len() + groups
+            && self.light.len() == count * self.stride
+            && [self.moments.len(), self.albedo.len(), self.normal.len(), self.uncovered.len()] == [count; 4]
+            && [self.foam.len(), self.nearest.len(), self.mist.len()] == [count; 3]
+            && self.coverage.is_of(names)
+    }
+
     /// Starts a chunk of so many of the camera's samples.
     pub(super) fn begin(&mut self, paths: usize) {
         self.paths.clear();
@@ -272,6 +324,11 @@ impl FilmTile {
     /// Samples that a pixel has.
     pub(super) fn samples(&self, pixel: u32) -> u32 {
         self.moments[pixel as usize].samples
+    }
+
+    /// Samples of the pixel that has most.
+    pub(super) fn greatest_samples(&self) -> u32 {
+        self.moments.iter().map(|moments| moments.samples).max().unwrap_or(0)
     }
 
     /// Samples of all pixels.
@@ -410,7 +467,7 @@ impl FilmTile {
 }
 
 /// What resolving a pixel needs to know of the whole picture.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub(super) struct View {
     /// The camera now.
     pub(super) camera: Camera,

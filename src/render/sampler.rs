@@ -62,6 +62,11 @@ impl Sampler {
         Self { seed: render.seed, samples, run, side: (LENGTH - run) / 2, offsets }
     }
 
+    /// Length of a pixel's run of the sequence, as a power of two. Samples of one length are the same samples.
+    pub fn run_length(&self) -> u32 {
+        self.run
+    }
+
     /// Most samples of a pixel.
     pub fn samples(&self) -> u32 {
         self.samples

@@ -7,7 +7,8 @@ use super::{
     batches::{CameraSample, Carrier, PathState, Scratch},
     contact::Contact,
     cryptomatte::Seen,
-    film::{Nearest, Place},
+    film::{FilmTile, Nearest, Place},
+    plan::Plan,
     sampler::Sampler,
     world::World,
 };
@@ -127,54 +128,54 @@ impl World<'_> {
 pub(super) struct Frame<'a> {
     /// One world per moment; sample i belongs to moment i modulo their count.
     pub(super) moments: Vec<World<'a>>,
-    /// Samples of the first pass over all pixels.
-    pub(super) first: u32,
-    /// The samples that every pixel gets before it is judged.
-    pub(super) least: u32,
-    /// Greatest relative error that is good enough; `None`: all pixels get `least`.
-    pub(super) noise: Option<f64>,
+    /// When a pixel has had enough.
+    pub(super) plan: Plan,
 }
 
 /// Luminance that the relative error counts on top of a pixel's own: a tenth of a white card in daylight. Noise in what
 /// is darker does not show.
 const FLOOR: f64 = 0.1;
 
+/// Whether every pixel of a tile has had what it gets by `plan` in all. Under a time limit any sample is enough.
+pub(super) fn is_done(plan: &Plan, total: &FilmTile) -> bool {
+    let window = total.window;
+    (0..window.width * window.height).all(|pixel| {
+        let samples = total.samples(pixel);
+        match plan.noise {
+            _ if plan.first < plan.least => samples >= plan.first,
+            Some(noise) if samples < plan.most => samples >= plan.least && total.relative_error(pixel, FLOOR) <= noise,
+            Some(_) => true,
+            None => samples >= plan.least,
+        }
+    })
+}
+
 impl Frame<'_> {
     fn sampler(&self) -> &Sampler {
         &self.moments[0].sampler
     }
 
-    /// Ranges of samples between which pixels are judged: after the first, up to each power of two and half way between.
-    pub(super) fn steps(&self) -> impl Iterator<Item = std::ops::Range<u32>> + use<> {
-        let (first, most) = (self.first, self.sampler().samples());
-        let mut end = 0;
-        std::iter::from_fn(move || {
-            let start: u32 = end;
-            end = match start {
-                0 => first,
-                _ if start.is_power_of_two() => start + (start / 2).max(1),
-                _ => start.next_power_of_two(),
-            }
-            .min(most);
-            (start < end).then_some(start..end)
-        })
-    }
-
     /// Renders the samples of `range` of the pixels of the film's tile that have had every sample before and are not
     /// good enough yet. True if there was any.
+    ///
+    /// The range's sums are made by themselves and then joined to the tile's, so that ranges that were rendered elsewhere
+    /// join to the same bits.
     ///
     /// A pixel's samples of a range are always in one chunk, or in chunks cut by sample alone, so that its sums are made
     /// in the same order whatever tile or crop it is in.
     pub(super) fn render(&self, range: std::ops::Range<u32>, scratch: &mut Scratch) -> bool {
-        let window = scratch.film.window;
+        let window = scratch.total.window;
         let mut active = std::mem::take(&mut scratch.active);
         active.clear();
         let open = |pixel: &u32| {
-            scratch.film.samples(*pixel) == range.start
-                && (range.start < self.least
-                    || self.noise.is_none_or(|noise| scratch.film.relative_error(*pixel, FLOOR) > noise))
+            self.plan.range[0] + scratch.total.samples(*pixel) == range.start
+                && (range.start < self.plan.least
+                    || self.plan.noise.is_none_or(|noise| scratch.total.relative_error(*pixel, FLOOR) > noise))
         };
         active.extend((0..window.width * window.height).filter(open));
+        if !active.is_empty() {
+            scratch.film.reset_as(&scratch.total);
+        }
         let step = self.moments.len() as u32;
         let per_chunk = (CHUNK / (range.end - range.start)).max(1);
         for pixels in active.chunks(per_chunk as usize) {
@@ -196,6 +197,9 @@ impl Frame<'_> {
             }
         }
         let any = !active.is_empty();
+        if any {
+            scratch.total.join(&scratch.film);
+        }
         scratch.active = active;
         any
     }
