@@ -177,7 +177,7 @@ fn memory_thins_the_spray_until_it_fits_and_refuses_what_cannot() {
     use whitewater::state::{Columns, Encoding, Frame, Particles, save_frame};
     let (folder, path) = scene(
         "[frames]\nfiles = 'time###.npz'\n[camera]\neye = [4.0, 4.0, 12.0]\nlook_at = [1.0, 1.0, 1.0]\n[render]\nwidth = 16\n\
-         height = 9\nsamples = 1\n[particles]\nleast_pixels = 0.0\n",
+         height = 9\nsamples = 1\n[particles]\nrepresentation = 'spheres'\nleast_pixels = 0.0\n",
     );
     let columns = Columns {
         origin: [0.0; 2],

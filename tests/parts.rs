@@ -164,8 +164,20 @@ fn samples_join_to_the_bit_from_checkpoints_and_nearly_from_pictures() {
     done(merge(folder.path(), &["b.exr", "c.exr", "a.exr", "-o", "near.exr"]));
     let (near, whole) = (picture(&folder, "near.exr"), picture(&folder, "w.exr"));
     let mut compared = 0;
+    let covered = |picture: &Picture, pixel: usize| -> f32 {
+        let of = |name: &str| picture.channel(name).unwrap().samples[pixel];
+        ["CryptoObject00.g", "CryptoObject00.a", "CryptoObject01.g", "CryptoObject01.a"].map(of).iter().sum()
+    };
+    for pixel in 0..64 * 40 {
+        let (a, b) = (covered(&near, pixel), covered(&whole, pixel));
+        assert!((a - b).abs() < 1e-5, "mattes of pixel {pixel}: {a} {b}");
+    }
     for (a, b) in near.channels.iter().zip(&whole.channels) {
         assert_eq!(a.name, b.name);
+        // Things that cover as much as each other may change places.
+        if a.name.starts_with("Crypto") {
+            continue;
+        }
         let exact = ["Z", "N.", "P.", "forward", "backward", "water", "velocity", "sampleCount"];
         for (pixel, (a_value, b_value)) in a.samples.iter().zip(&b.samples).enumerate() {
             if exact.iter().any(|start| a.name.starts_with(start)) {

@@ -82,6 +82,9 @@ fn expected_channels() -> Vec<(String, SampleType)> {
     layer("velocity", "xyz", Half);
     channels.push(("mask.foam".to_owned(), Half));
     channels.extend(["water.depth", "water.path", "sampleCount"].map(|name| (name.to_owned(), Float)));
+    for set in ["CryptoBed", "CryptoMaterial", "CryptoObject"] {
+        channels.extend(whitewater::output::cryptomatte::channels(set).map(|name| (name, Float)));
+    }
     channels.sort_by(|a, b| a.0.cmp(&b.0));
     channels
 }

@@ -37,6 +37,8 @@ pub enum Command {
     Render(Box<RenderArgs>),
     /// Join parts of a picture that were rendered apart
     Merge(MergeArgs),
+    /// Make a film of rendered frames (by ffmpeg)
+    Movie(MovieArgs),
     /// Make the frames of a scene: simulate its water
     Simulate(SimulateArgs),
     /// Show what simulation files hold
@@ -255,6 +257,51 @@ pub struct MergeArgs {
     /// Leave dates and times out, for identical bytes [default: as the parts have it]
     #[arg(long)]
     pub reproducible: bool,
+}
+
+fn within(text: &str, low: f64, high: f64) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|error| format!("{error}"))?;
+    if value >= low && value <= high { Ok(value) } else { Err(format!("expected {low} to {high}")) }
+}
+
+fn frames_per_second(text: &str) -> Result<f64, String> {
+    within(text, 0.01, 1000.0)
+}
+
+fn stops(text: &str) -> Result<f64, String> {
+    within(text, -100.0, 100.0)
+}
+
+/// `whitewater movie`.
+#[derive(Clone, Debug, Args)]
+#[command(after_help = "\
+Examples:
+  whitewater movie 'river/frame.####.exr' -o river.mp4
+  whitewater movie 'frame.####.exr' -o out.webm --fps 30 --exposure 0.5 --quality 30
+
+ffmpeg is found by WHITEWATER_FFMPEG, or on the search path.")]
+pub struct MovieArgs {
+    /// The frames: a name with #### for the number, or files one by one (EXR through the view; PNG and JPEG as they are)
+    #[arg(value_name = "FRAMES", required = true)]
+    pub frames: Vec<PathBuf>,
+    /// The film: .mp4, .mov, .mkv or .webm
+    #[arg(short, long, value_name = "OUT")]
+    pub output: PathBuf,
+    /// Frames per second
+    #[arg(long, value_name = "N", default_value_t = 24.0, value_parser = frames_per_second)]
+    pub fps: f64,
+    /// Curve for EXR: filmic or srgb
+    #[arg(long, value_name = "NAME", default_value = "filmic", value_parser = names("output.view"))]
+    pub view: String,
+    /// Stops of exposure for EXR
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = stops)]
+    pub exposure: f64,
+    /// Constant rate factor: smaller is better and larger
+    #[arg(long, value_name = "N", default_value_t = 18, value_parser = clap::value_parser!(u8).range(0..=51))]
+    pub quality: u8,
+    /// Show errors only
+    #[arg(short, long)]
+    pub quiet: bool,
 }
 
 /// `whitewater simulate`.

@@ -9,6 +9,7 @@ pub mod load;
 mod look;
 pub mod merge;
 mod moments;
+mod movie;
 pub mod progress;
 pub mod render;
 pub mod schema;
@@ -59,6 +60,7 @@ fn dispatch(command: &Command) -> Result<Outcome, CliError> {
     match command {
         Command::Render(arguments) => render::run(arguments),
         Command::Merge(arguments) => merge::run(arguments),
+        Command::Movie(arguments) => movie::run(arguments),
         Command::Simulate(arguments) => simulate::run(arguments),
         Command::Trace(arguments) => trace::run(arguments),
         Command::Schema => schema::run(),

@@ -382,7 +382,7 @@ mod tests {
         scene.particles.streak = Some(0.1);
         assert!((length(&lower(&scene, None).unwrap()) - 1.0).abs() < 1e-5);
         // From far away it is wider than its water, and lets as much light through; alone it stands for nobody else.
-        scene.particles.least_pixels = 0.0;
+        (scene.particles.least_pixels, scene.particles.least_opacity) = (0.0, 0.0);
         let view = View { eye: DVec3::new(1e6, 1000.0, 1e6), pixel_angle: 1e-3 };
         let far = lower(&scene, Some(view)).unwrap();
         let opacity = |lowered: &LoweredFrame| lowered.spray.appearance(0).opacity;

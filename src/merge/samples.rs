@@ -1,9 +1,10 @@
 //! Pictures of the same pixels by different samples → their mean. Light is weighted by how many samples each has; data, which
-//! have no mean, are those of the part that is nearest; the variance is that of all samples together.
+//! have no mean, are those of the part that is nearest; the variance is that of all samples together. Mattes are weighted as
+//! light is, thing by thing: a thing that is none of a part's six is taken for none of that part.
 
 use super::MergeError;
 use super::pictures::{Part, row_start};
-use crate::output::{Channel, Window, layers::layer_of};
+use crate::output::{Channel, Window, cryptomatte, layers::layer_of};
 
 /// How a channel is joined.
 #[derive(Clone, Copy, PartialEq)]
@@ -14,6 +15,8 @@ enum Rule {
     Nearest,
     Count,
     Variance,
+    /// One of a set of mattes, which are joined together.
+    Matte,
 }
 
 fn rule(channel: &str) -> Option<Rule> {
@@ -23,6 +26,7 @@ fn rule(channel: &str) -> Option<Rule> {
         "z" | "n" | "p" | "forward" | "backward" | "water" | "velocity" => Some(Rule::Nearest),
         "beauty" | "albedo" | "dnormal" | "mask" | "reflection" | "refraction" | "volume" | "caustics" | "spray"
         | "foam" | "mist" | "terrain" | "sky" => Some(Rule::Mean),
+        "cryptoobject" | "cryptomaterial" | "cryptobed" => Some(Rule::Matte),
         layer if layer.starts_with("light_") => Some(Rule::Mean),
         _ => None,
     }
@@ -52,6 +56,8 @@ pub(super) fn join(parts: &[&Part], window: Window, whole: Window, channels: &mu
     let colour = if rules.contains(&Rule::Variance) { Some([needed("R")?, needed("G")?, needed("B")?]) } else { None };
     let variance = index("variance");
 
+    let sets = matte_sets(channels);
+
     for row in 0..window.height {
         let to = row_start(window, row, whole);
         for column in 0..window.width as usize {
@@ -79,6 +85,7 @@ pub(super) fn join(parts: &[&Part], window: Window, whole: Window, channels: &mu
             });
             for (channel, rule) in rules.iter().enumerate() {
                 let joined = match rule {
+                    Rule::Matte => continue,
                     Rule::Mean => mean(channel),
                     Rule::Nearest => value(parts[nearest], channel),
                     Rule::Count => total,
@@ -102,7 +109,57 @@ pub(super) fn join(parts: &[&Part], window: Window, whole: Window, channels: &mu
                 };
                 channels[channel].samples[to + column] = joined as f32;
             }
+            for set in &sets {
+                let shares = parts.iter().zip(&counts).map(|(part, count)| {
+                    let share = if total > 0.0 { count / total } else { 0.0 };
+                    let ranks = set.chunks_exact(2).map(|pair| (value(part, pair[0]) as f32, value(part, pair[1])));
+                    (share, ranks.collect())
+                });
+                for (channel, joined) in set.iter().zip(matte(shares.collect())) {
+                    channels[*channel].samples[to + column] = joined;
+                }
+            }
         }
     }
     Ok(())
+}
+
+/// Places of the channels of each set of mattes that there are: id, coverage, id, coverage ...
+fn matte_sets(channels: &[Channel]) -> Vec<Vec<usize>> {
+    let place = |name: &String| channels.iter().position(|channel| channel.name == *name);
+    let set = |layer: &str| cryptomatte::channels(layer).iter().map(place).collect::<Option<Vec<usize>>>();
+    ["CryptoObject", "CryptoMaterial", "CryptoBed"].into_iter().filter_map(set).collect()
+}
+
+/// One pixel's ids and coverages out of those of several parts, each with its share of the samples.
+fn matte(parts: Vec<(f64, Vec<(f32, f64)>)>) -> Vec<f32> {
+    let count = parts.first().map_or(0, |(_, ranks)| ranks.len());
+    let mut things: Vec<(u32, f64)> = Vec::new();
+    for (share, ranks) in &parts {
+        for (id, coverage) in ranks.iter().filter(|(_, coverage)| *coverage > 0.0) {
+            let id = id.to_bits();
+            match things.iter_mut().find(|thing| thing.0 == id) {
+                Some(thing) => thing.1 += share * coverage,
+                None => things.push((id, share * coverage)),
+            }
+        }
+    }
+    things.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    things.resize(count, (0, 0.0));
+    things.into_iter().flat_map(|(id, coverage)| [f32::from_bits(id), coverage as f32]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mattes_are_weighted_thing_by_thing() {
+        let [water, rock, spray] = ["water", "rock", "spray"].map(cryptomatte::id);
+        let one = vec![(water, 0.75), (rock, 0.25), (0.0, 0.0)];
+        let other = vec![(rock, 0.5), (spray, 0.5), (0.0, 0.0)];
+        let joined = matte(vec![(0.25, one), (0.75, other)]);
+        assert_eq!(joined, [rock, 0.4375, spray, 0.375, water, 0.1875]);
+        assert_eq!(matte(vec![(1.0, vec![(0.0, 0.0); 2])]), [0.0; 4]);
+    }
 }

@@ -56,6 +56,8 @@ pub struct DeepPicture {
     pub samples: Vec<DeepSample>,
     /// Whether samples have colour.
     pub colored: bool,
+    /// Whether the file says that its pixels are tidy.
+    pub state: bool,
     /// What the flat picture says of itself as well.
     pub metadata: Metadata,
 }

@@ -12,6 +12,12 @@ use crate::ffi::oiio::bridge::{OiioChannel, OiioDeep, OiioPart, oiio_read_deep, 
 /// OpenEXR's value for samples in order of depth, none over another.
 const TIDY: u8 = 3;
 
+/// The attribute's name and type.
+const STATE: &[u8] = b"deepImageState\0deepImageState\0";
+
+/// Magic number and version, before the first attribute.
+const HEADER: usize = 8;
+
 /// Writes a deep picture; returns the file's size.
 pub(super) fn write(picture: &DeepPicture, path: &Path, options: &WriteOptions) -> Result<u64, OutputError> {
     check(picture)?;
@@ -49,6 +55,9 @@ pub(super) fn write(picture: &DeepPicture, path: &Path, options: &WriteOptions) 
         path,
         |_, temporary| {
             oiio_write_deep(text_of(temporary)?, &part, &counts, &samples).map_err(failed)?;
+            if !picture.state {
+                return Ok(());
+            }
             let failed = |action| move |source| OutputError::Io { action, path: path.to_path_buf(), source };
             let bytes = std::fs::read(temporary).map_err(failed("reopen the file for"))?;
             let bytes = with_state(&bytes).ok_or_else(|| OutputError::Damaged {
@@ -69,7 +78,7 @@ pub(super) fn write(picture: &DeepPicture, path: &Path, options: &WriteOptions) 
     )
 }
 
-/// Reads a deep picture back: windows, samples and whether they have colour; no metadata.
+/// Reads a deep picture back: windows, samples, whether they have colour and are said to be tidy; no metadata.
 ///
 /// *Errors*: those of OpenImageIO, and a file without the channels `A Z ZBack`.
 pub fn read_deep(path: &Path) -> Result<DeepPicture, OutputError> {
@@ -100,7 +109,20 @@ pub fn read_deep(path: &Path) -> Result<DeepPicture, OutputError> {
     }));
     let data = Window { x: part.x, y: part.y, width: part.width, height: part.height };
     let display = (part.display_width, part.display_height);
-    Ok(DeepPicture { display, data, first, samples, colored: color.is_some(), metadata: Default::default() })
+    let state = begins_with_state(path).map_err(|source| OutputError::Io {
+        action: "read",
+        path: path.to_path_buf(),
+        source,
+    })?;
+    Ok(DeepPicture { display, data, first, samples, colored: color.is_some(), state, metadata: Default::default() })
+}
+
+/// Whether a file has the attribute where [`with_state`] puts it: OpenImageIO passes it over.
+fn begins_with_state(path: &Path) -> std::io::Result<bool> {
+    use std::io::Read;
+    let mut start = Vec::new();
+    std::fs::File::open(path)?.take((HEADER + STATE.len()) as u64).read_to_end(&mut start)?;
+    Ok(start.ends_with(STATE))
 }
 
 fn is_color(name: &str) -> bool {
@@ -130,8 +152,7 @@ fn check(picture: &DeepPicture) -> Result<(), OutputError> {
 /// The bytes of a single-part deep file with the attribute `deepImageState` put into its header, and the table of chunks moved
 /// by as much (OpenEXR File Layout); `None` if the header cannot be read.
 fn with_state(bytes: &[u8]) -> Option<Vec<u8>> {
-    const HEADER: usize = 8;
-    let attribute = [&b"deepImageState\0deepImageState\0"[..], &1u32.to_le_bytes(), &[TIDY]].concat();
+    let attribute = [STATE, &1u32.to_le_bytes(), &[TIDY]].concat();
     let text = |at: usize| bytes.get(at..)?.iter().position(|&byte| byte == 0).map(|length| (at, at + length));
     let (mut at, mut chunks) = (HEADER, None);
     loop {
@@ -181,6 +202,7 @@ mod tests {
                 sample(9.0, 9.0, 0.0625),
             ],
             colored,
+            state: colored,
             metadata: Default::default(),
         }
     }
@@ -196,7 +218,7 @@ mod tests {
             assert_eq!(report.bytes, bytes.len() as u64);
             assert_eq!(read_deep(&path).unwrap(), picture);
             let state = b"deepImageState\0deepImageState\0\x01\0\0\0\x03";
-            assert!(bytes.windows(state.len()).any(|window| window == state));
+            assert_eq!(bytes.windows(state.len()).any(|window| window == state), picture.state);
         }
     }
 

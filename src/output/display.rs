@@ -55,6 +55,12 @@ pub(super) fn write(
     )
 }
 
+/// The visible pixels as they are shown before black: width, height, and RGB row by row.
+pub(super) fn rgb(picture: &Picture, path: &Path, options: &WriteOptions) -> Result<(u32, u32, Vec<u8>), OutputError> {
+    let Pixels { width, height, samples, .. } = pixels(picture, path, false, options)?;
+    Ok((width, height, samples))
+}
+
 fn encode(pixels: &Pixels, format: Format, file: &mut File) -> Result<(), ImageError> {
     let color = if pixels.alpha { ExtendedColorType::Rgba8 } else { ExtendedColorType::Rgb8 };
     let (samples, width, height) = (&pixels.samples, pixels.width, pixels.height);

@@ -143,6 +143,14 @@ pub enum OutputError {
         /// The sample.
         value: f32,
     },
+    /// The program that encodes films is missing, or has refused.
+    #[error("{program}: {message}")]
+    Encoder {
+        /// The program.
+        program: PathBuf,
+        /// What it said.
+        message: String,
+    },
     /// A piece of metadata that no file can hold.
     #[error("attribute `{name}` is {value}; expected {expected}")]
     Attribute {

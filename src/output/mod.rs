@@ -21,6 +21,7 @@ mod parts;
 mod picture;
 mod portion;
 mod profile;
+mod video;
 mod view;
 mod views;
 pub(crate) mod whole_file;
@@ -37,6 +38,7 @@ pub use exr_read::{Encoding, encoding_of, read_exr};
 #[cfg(feature = "oiio")]
 pub use oiio::{OiioPart, read_with_oiio};
 pub use portion::Portion;
+pub use video::{MovieOptions, MovieReport, write_movie};
 pub use view::{display_value, filmic, srgb_encode};
 pub use views::{EYES, pair};
 

@@ -26,6 +26,9 @@ pub struct Deep {
     pub color: bool,
     /// `front` or `span`.
     pub water: DeepWater,
+    /// Say in the file that its samples are tidy (OpenEXR's attribute `deepImageState`). OpenEXR's package for Python, as of
+    /// 3.5, reads no file that has it.
+    pub state: bool,
     /// How far its samples may be off in what is left to be seen at any depth, 0..1.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub alpha_tolerance: f64,
@@ -35,6 +38,13 @@ pub struct Deep {
 }
 impl Default for Deep {
     fn default() -> Self {
-        Self { enabled: false, color: false, water: DeepWater::Front, alpha_tolerance: 0.002, depth_tolerance: 0.002 }
+        Self {
+            enabled: false,
+            color: false,
+            state: true,
+            water: DeepWater::Front,
+            alpha_tolerance: 0.002,
+            depth_tolerance: 0.002,
+        }
     }
 }

@@ -172,7 +172,7 @@ mod tests {
             "surface.dry_threshold": 0.001, "surface.dry_depth": null,
             "water.ior": 1.333, "water.absorption": [0.34, 0.05, 0.009], "water.fresnel": "exact",
             "water.scattering": [0.0, 0.0, 0.0], "water.phase": "henyey-greenstein", "water.asymmetry": 0.92,
-            "particles.representation": "spheres", "particles.scale": 1.0,
+            "particles.representation": "auto", "particles.scale": 1.0,
             "camera.eye": null, "camera.look_at": null, "camera.up": [0.0, 1.0, 0.0], "camera.fov": 40.0, "camera.key": [],
             "sky.kind": "analytic", "sky.visible": true,
             "sun.elevation": 35.0, "sun.azimuth": 130.0, "sun.irradiance": 2.2,

@@ -136,7 +136,15 @@ pub fn render_deep(
     let mut metadata = flat.metadata.clone();
     metadata.cryptomattes.clear();
     metadata.complete &= done.into_inner() == total;
-    Ok(DeepPicture { display: flat.display, data, first, samples, colored: settings.color, metadata })
+    Ok(DeepPicture {
+        display: flat.display,
+        data,
+        first,
+        samples,
+        colored: settings.color,
+        state: settings.state,
+        metadata,
+    })
 }
 
 /// Follows all samples of a tile's pixels; each pixel's events are in the scratch then. Returns the rays that it took.
