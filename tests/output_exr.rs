@@ -5,7 +5,7 @@ use std::{path::Path, process::Command};
 
 use whitewater::{
     output::{self, Channel, Cryptomatte, Metadata, OutputError, Picture, SampleType, Window, WriteOptions},
-    scene::{Compression, Profile, View, Writer},
+    scene::{Colorspace, Compression, Profile, View, Writer},
 };
 
 /// A picture with every kind of channel, over a data window that is neither the frame nor inside it.
@@ -60,6 +60,7 @@ fn picture() -> Picture {
             layer: "CryptoObject".into(),
             names: ["water", "равнина", "panel_\"0\""].map(str::to_owned).to_vec(),
         }],
+        colorspace: Colorspace::Rec709,
         portion: None,
     };
     Picture { display: (32, 48), data, channels, metadata }
@@ -701,4 +702,41 @@ fn a_deep_file_flattens_to_the_flat_picture_beside_it() {
     let refused = render(&["-o", folder.path().join("s.png").to_str().unwrap()]);
     assert_eq!(refused.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&refused.stderr).contains("--deep"));
+}
+
+/// ACEScg by both writers: the colours are converted, the data are not, and what is shown stays what it was.
+#[test]
+fn acescg_is_another_way_to_say_the_same_colours() {
+    let folder = tempfile::tempdir().unwrap();
+    let plain = picture();
+    let shown = |picture: &Picture, name: &str| {
+        let path = folder.path().join(name);
+        let mut whole = picture.clone();
+        // A display format shows what lies in the frame.
+        whole.display = (40, 60);
+        output::write(&whole, &path, &WriteOptions::default()).unwrap();
+        std::fs::read(path).unwrap()
+    };
+    let expected = shown(&plain, "plain.bmp");
+    let mut writers = vec![Writer::Exr];
+    if cfg!(feature = "oiio") {
+        writers.push(Writer::Oiio);
+    }
+    for writer in writers {
+        let path = folder.path().join(format!("{writer:?}.exr"));
+        let options = WriteOptions { writer, colorspace: Colorspace::Acescg, ..WriteOptions::default() };
+        output::write(&plain, &path, &options).unwrap();
+        let read = output::read_exr(&path).unwrap();
+        assert_eq!(read.metadata.colorspace, Colorspace::Acescg);
+        let value = |picture: &Picture, name: &str| picture.channel(name).unwrap().samples[77];
+        let [r, g, b] = ["R", "G", "B"].map(|name| value(&plain, name));
+        let red = 0.613_097 * r + 0.339_523 * g + 0.047_379 * b;
+        assert!((value(&read, "R") - red).abs() < 2e-3, "{} {red}", value(&read, "R"));
+        assert_eq!(value(&read, "Z"), value(&plain, "Z"));
+        let seen = shown(&read, "seen.bmp");
+        let pixels = |bytes: &[u8]| image::load_from_memory(bytes).unwrap().into_rgba8().into_raw();
+        // Half rounds twice.
+        let far = pixels(&seen).into_iter().zip(pixels(&expected)).filter(|(a, b)| a.abs_diff(*b) > 2).count();
+        assert!(far <= 8, "{writer:?}: {far} samples differ");
+    }
 }

@@ -182,6 +182,10 @@ pub struct RenderArgs {
     #[arg(long)]
     pub deep: bool,
 
+    /// Primaries of the EXR's colours: rec709 or acescg (output.colorspace)
+    #[arg(long, value_name = "NAME", value_parser = names("output.colorspace"))]
+    pub colorspace: Option<String>,
+
     /// Compression of the EXR (output.compression)
     #[arg(long, value_name = "NAME", value_parser = names("output.compression"))]
     pub compression: Option<String>,
@@ -220,6 +224,7 @@ impl RenderArgs {
         option("--profile", "output.profile", self.profile.as_deref());
         option("--stereo", "camera.stereo", self.stereo.as_deref());
         option("--overscan", "output.overscan", self.overscan.as_deref());
+        option("--colorspace", "output.colorspace", self.colorspace.as_deref());
         option("--deep", "output.deep.enabled", self.deep.then_some("true"));
         overrides.extend(self.accuracy.iter().flat_map(Accuracy::overrides));
         overrides
@@ -251,6 +256,9 @@ pub struct MergeArgs {
     /// Layers of the EXR: beauty,z,n,... [default: those of the parts; of checkpoints, all]
     #[arg(long, value_name = "A,B,C", value_delimiter = ',')]
     pub layers: Option<Vec<String>>,
+    /// Primaries of the EXR's colours [default: those of the parts; of checkpoints, rec709]
+    #[arg(long, value_name = "NAME", value_parser = names("output.colorspace"))]
+    pub colorspace: Option<String>,
     /// Compression of the EXR [default: that of the parts; of checkpoints, zip]
     #[arg(long, value_name = "NAME", value_parser = names("output.compression"))]
     pub compression: Option<String>,

@@ -7,7 +7,7 @@ use super::errors::{CliError, Outcome};
 use super::look::local_now;
 use crate::merge::merge;
 use crate::output::{self, Claim, WriteOptions, layers};
-use crate::scene::Compression;
+use crate::scene::{Colorspace, Compression};
 
 /// Runs the command.
 ///
@@ -27,6 +27,7 @@ pub fn run(arguments: &MergeArgs) -> Result<Outcome, CliError> {
         let names = arguments.layers.clone().unwrap_or_default();
         layers::select(&mut picture, &names).map_err(anyhow::Error::from)?;
     }
+    let colorspace = |name: &String| serde_json::from_value::<Colorspace>(name.clone().into()).ok();
     let named = |name: &String| serde_json::from_value::<Compression>(name.clone().into()).ok();
     let options = WriteOptions {
         compression: arguments
@@ -35,6 +36,7 @@ pub fn run(arguments: &MergeArgs) -> Result<Outcome, CliError> {
             .and_then(named)
             .or(merged.encoding.map(|encoding| encoding.compression))
             .unwrap_or_default(),
+        colorspace: arguments.colorspace.as_ref().and_then(colorspace).unwrap_or(picture.metadata.colorspace),
         reproducible: arguments.reproducible || merged.encoding.is_some_and(|encoding| encoding.reproducible),
         captured: Some(local_now()),
         ..WriteOptions::default()

@@ -5,22 +5,14 @@ use std::borrow::Cow;
 
 use exr::{
     math::Vec2,
-    meta::attribute::{AttributeValue, Chromaticities, Text, TimeCode},
+    meta::attribute::{AttributeValue, Text, TimeCode},
 };
 use time::{OffsetDateTime, UtcOffset, macros::format_description};
 
-use super::{Cryptomatte, EYES, Metadata, OutputError, Picture, Portion, WriteOptions, cryptomatte};
+use super::{Cryptomatte, EYES, Metadata, OutputError, Picture, Portion, WriteOptions, colorspace, cryptomatte};
 
 /// Height of the film back that focal lengths refer to (mm).
 const FILM_HEIGHT: f64 = 24.0;
-
-/// Rec. ITU-R BT.709 primaries and white.
-pub(super) const REC_709: Chromaticities = Chromaticities {
-    red: Vec2(0.64, 0.33),
-    green: Vec2(0.30, 0.60),
-    blue: Vec2(0.15, 0.06),
-    white: Vec2(0.3127, 0.3290),
-};
 
 /// Where the right eye of a pair is: for the picture as a whole OpenEXR has no place for a second camera.
 const RIGHT_EYE: [&str; 3] =
@@ -36,7 +28,8 @@ pub(super) fn attributes(
     use AttributeValue::{F32, FloatVec2, I32, Matrix4x4, Rational};
     let m = &picture.metadata;
     let mut list = vec![
-        ("chromaticities", AttributeValue::Chromaticities(REC_709)),
+        ("chromaticities", AttributeValue::Chromaticities(colorspace::chromaticities(m.colorspace))),
+        ("colorInteropID", text(colorspace::interop_id(m.colorspace))),
         ("worldToCamera", Matrix4x4(matrix("worldToCamera", &m.world_to_camera)?)),
         ("worldToNDC", Matrix4x4(matrix("worldToNDC", &m.world_to_ndc)?)),
         ("whitewater:cameraToWorld", Matrix4x4(matrix("whitewater:cameraToWorld", &m.camera_to_world)?)),
@@ -122,6 +115,7 @@ pub(super) fn metadata<'a>(attributes: impl Iterator<Item = (&'a [u8], Attribute
             (b"whitewater:samples", I32(v)) => m.samples = v.try_into().unwrap_or(0),
             (b"whitewater:complete", I32(v)) => m.complete = v != 0,
             (b"whitewater:seconds", F32(v)) => m.seconds = v.into(),
+            (b"colorInteropID", AttributeValue::Text(v)) => m.colorspace = colorspace::by_interop_id(&string(&v)),
             (b"owner", AttributeValue::Text(v)) => m.owner = Some(string(&v)),
             (b"comments", AttributeValue::Text(v)) => m.comments = Some(string(&v)),
             (b"whitewater:scene", AttributeValue::Text(v)) => m.scene_hash = string(&v),
@@ -246,6 +240,7 @@ fn capture_date(captured: Option<OffsetDateTime>) -> Result<(String, f32), Outpu
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Colorspace;
     use time::macros::datetime;
 
     #[test]
@@ -318,6 +313,7 @@ mod tests {
                 std::array::from_fn(|r| std::array::from_fn(|c| (m + r * c) as f64))
             })),
             cryptomattes: vec![Cryptomatte { layer: "CryptoBed".into(), names: vec!["terrain".into(), "mist".into()] }],
+            colorspace: Colorspace::Acescg,
             portion: Some(Portion {
                 index: 2,
                 count: 3,

@@ -2,8 +2,10 @@
 
 use std::path::Path;
 
+use glam::Vec3;
+
 use super::{
-    DeepPicture, DeepSample, OutputError, Picture, Window, WriteOptions,
+    DeepPicture, DeepSample, Metadata, OutputError, Picture, Window, WriteOptions, colorspace,
     oiio::{oiio_attributes, text_of},
     whole_file::write_whole,
 };
@@ -27,8 +29,9 @@ pub(super) fn write(picture: &DeepPicture, path: &Path, options: &WriteOptions) 
         display: picture.display,
         data: picture.data,
         channels: Vec::new(),
-        metadata: picture.metadata.clone(),
+        metadata: Metadata { colorspace: options.colorspace, ..picture.metadata.clone() },
     };
+    let primaries = colorspace::matrix(picture.metadata.colorspace, options.colorspace).as_mat3();
     let part = OiioPart {
         name: String::new(),
         x: picture.data.x,
@@ -46,7 +49,11 @@ pub(super) fn write(picture: &DeepPicture, path: &Path, options: &WriteOptions) 
     for sample in &picture.samples {
         if picture.colored {
             let limit = super::picture::HALF_MAX;
-            samples.extend(sample.color.unwrap_or_default().map(|light| light.clamp(-limit, limit)));
+            let mut color = sample.color.unwrap_or_default();
+            if options.colorspace != picture.metadata.colorspace {
+                color = (primaries * Vec3::from_array(color)).to_array();
+            }
+            samples.extend(color.map(|light| light.clamp(-limit, limit)));
         }
         samples.extend([sample.alpha, sample.front, sample.back]);
     }

@@ -13,7 +13,8 @@ use image::{
 };
 use rayon::prelude::*;
 
-use super::{Format, OutputError, Picture, WriteOptions, view::display_value, whole_file::write_whole};
+use super::{Format, OutputError, Picture, WriteOptions, colorspace, view::display_value, whole_file::write_whole};
+use crate::scene::Colorspace;
 
 /// JPEG's quality: the point past which files grow faster than any difference can be seen on water.
 const JPEG_QUALITY: u8 = 95;
@@ -57,7 +58,9 @@ pub(super) fn write(
 
 /// The visible pixels as they are shown before black: width, height, and RGB row by row.
 pub(super) fn rgb(picture: &Picture, path: &Path, options: &WriteOptions) -> Result<(u32, u32, Vec<u8>), OutputError> {
-    let Pixels { width, height, samples, .. } = pixels(picture, path, false, options)?;
+    // Views are made for Rec.709.
+    let picture = colorspace::converted(picture, Colorspace::Rec709);
+    let Pixels { width, height, samples, .. } = pixels(&picture, path, false, options)?;
     Ok((width, height, samples))
 }
 

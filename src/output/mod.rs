@@ -5,6 +5,7 @@
 
 mod attributes;
 mod claim;
+mod colorspace;
 pub mod cryptomatte;
 mod deep;
 #[cfg(feature = "oiio")]
@@ -42,7 +43,7 @@ pub use video::{MovieOptions, MovieReport, write_movie};
 pub use view::{display_value, filmic, srgb_encode};
 pub use views::{EYES, pair};
 
-use crate::scene::{Compression, Profile, View, Writer};
+use crate::scene::{Colorspace, Compression, Profile, View, Writer};
 
 /// How a channel's samples are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -135,6 +136,8 @@ pub struct Metadata {
     pub right_eye: Option<[[[f64; 4]; 4]; 3]>,
     /// Names of the things that Cryptomatte layers tell apart.
     pub cryptomattes: Vec<Cryptomatte>,
+    /// The primaries of its colours.
+    pub colorspace: Colorspace,
     /// Which part of a frame the picture is; `None` for a whole one.
     pub portion: Option<Portion>,
 }
@@ -165,6 +168,7 @@ impl Default for Metadata {
             pixel_aspect: 1.0,
             right_eye: None,
             cryptomattes: Vec::new(),
+            colorspace: Colorspace::Rec709,
             portion: None,
         }
     }
@@ -175,6 +179,8 @@ impl Default for Metadata {
 pub struct WriteOptions {
     /// Who writes EXR (and, for OpenImageIO, TIFF).
     pub writer: Writer,
+    /// Primaries of the colours of EXR (and, for OpenImageIO, TIFF).
+    pub colorspace: Colorspace,
     /// Compression of EXR.
     pub compression: Compression,
     /// Whose names the channels have, where all are written.
@@ -196,6 +202,7 @@ impl WriteOptions {
             writer: output.writer,
             compression: output.compression,
             profile: output.profile,
+            colorspace: output.colorspace,
             view: output.view,
             exposure: output.exposure,
             ..Self::default()
@@ -268,6 +275,8 @@ pub fn write(picture: &Picture, path: &Path, options: &WriteOptions) -> Result<W
     picture.check()?;
     let format = Format::of(path)?;
     let all_channels = format == Format::Exr || uses_oiio(format, options);
+    let primaries = if all_channels { options.colorspace } else { Colorspace::Rec709 };
+    let picture = &*colorspace::converted(picture, primaries);
     let renamed = (all_channels && options.profile == Profile::Blender).then(|| profile::blender(picture));
     let picture = renamed.as_ref().unwrap_or(picture);
     let (saturated, saturated_pixels) = if all_channels { picture.count_saturated() } else { (0, 0) };

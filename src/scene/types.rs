@@ -628,6 +628,17 @@ pub enum Compression {
     None,
 }
 
+/// Primaries of scene-linear colours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Colorspace {
+    /// Those of Rec.709, in which everything is rendered.
+    #[default]
+    Rec709,
+    /// AP1, as ACEScg has them.
+    Acescg,
+}
+
 /// Whose names the channels of EXR have.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -658,6 +669,8 @@ pub struct Output {
     pub writer: Writer,
     /// `zip`, `zips`, `piz`, `dwaa` or `none`.
     pub compression: Compression,
+    /// `rec709` or `acescg`: primaries of the colours of EXR.
+    pub colorspace: Colorspace,
     /// `filmic` or `srgb`, for PNG, JPEG and BMP.
     pub view: View,
     /// Stops of exposure for PNG, JPEG and BMP.
