@@ -39,7 +39,7 @@ pub fn run(settings: &Settings, out: &mut impl Write) -> Result<(), BenchError> 
         frames(&pictures::frame(size, count), settings, &mut sheet)?;
     }
     for count in counts(100_000, 1_000_000) {
-        builds(&pictures::frame(size, count), settings, &mut sheet)?;
+        builds(size, count, settings, &mut sheet)?;
     }
     Ok(())
 }
@@ -105,17 +105,26 @@ fn frames(frame: &Frame, settings: &Settings, sheet: &mut Sheet) -> Result<(), B
     Ok(())
 }
 
+/// Particles that are joined at most: drops apart from each other take ten kilobytes of grid each, and no one joins a million
+/// of them.
+const MOST_JOINED: usize = 100_000;
+
 /// Seconds from particles to something that rays can be sent into, water and ground with it; and the parts' primitives.
-fn builds(frame: &Frame, settings: &Settings, sheet: &mut Sheet) -> Result<(), BenchError> {
-    let scene = pictures::scene(frame, [500, 500]);
-    sheet.say(&format!("\n{} particles; seconds to build", frame.particles.position.len()))?;
+/// None are thinned.
+fn builds(size: [usize; 2], count: usize, settings: &Settings, sheet: &mut Sheet) -> Result<(), BenchError> {
+    let whole = pictures::frame(size, count);
+    let few = (count > MOST_JOINED).then(|| pictures::frame(size, MOST_JOINED));
+    sheet.say(&format!("\n{count} particles (of `surface` at most {MOST_JOINED}); seconds to build"))?;
     sheet.table(&["representation", "build s", "primitives"])?;
     for (name, representation) in ALL {
-        let scene = represented(&scene, representation);
+        let joined = representation == ParticleRepresentation::Surface;
+        let frame = few.as_ref().filter(|_| joined).unwrap_or(&whole);
+        let mut scene = represented(&pictures::scene(frame, [500, 500]), representation);
+        (scene.particles.least_pixels, scene.particles.least_opacity) = (0.0, 0.0);
         let (mut seconds, mut primitives) = (Vec::new(), 0);
         for _ in 0..settings.rounds().min(3) {
             let built = Built::new(&scene, frame, settings)?;
-            primitives = built.lowered.lowered.parts.iter().map(|part| size(&part.shape)).sum();
+            primitives = built.lowered.lowered.parts.iter().map(|part| primitives_of(&part.shape)).sum();
             seconds.push(built.seconds);
         }
         let row = Row {
@@ -130,7 +139,7 @@ fn builds(frame: &Frame, settings: &Settings, sheet: &mut Sheet) -> Result<(), B
     Ok(())
 }
 
-fn size(shape: &Shape) -> usize {
+fn primitives_of(shape: &Shape) -> usize {
     match shape {
         Shape::Spheres(spheres) => spheres.center.len(),
         Shape::Discs(discs) => discs.center.len(),
