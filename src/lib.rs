@@ -11,6 +11,7 @@
 //! | [`math`] | intervals, Bernstein polynomials, sequences: knows nothing of water |
 //! | [`simd`] | 16- and 8-lane vectors, the choice of instruction set at start |
 //! | [`scene`] | the TOML file → plain data, its schema, its errors |
+//! | [`images`] | skies and textures: files → linear pixels |
 //! | [`state`] | `model.state`, `time###.state`, NPZ |
 //! | [`foam`] | where water is white: potentials, carried with the flow, its look |
 //! | [`sim`] | the simulation that makes frames: columns, pipes, spray |
@@ -41,6 +42,7 @@ pub mod bench;
 pub mod cli;
 pub mod denoise;
 pub mod foam;
+pub mod images;
 pub mod lower;
 pub mod math;
 pub mod merge;

@@ -179,16 +179,7 @@ fn memory_thins_the_spray_until_it_fits_and_refuses_what_cannot() {
         "[frames]\nfiles = 'time###.npz'\n[camera]\neye = [4.0, 4.0, 12.0]\nlook_at = [1.0, 1.0, 1.0]\n[render]\nwidth = 16\n\
          height = 9\nsamples = 1\n[particles]\nrepresentation = 'spheres'\nleast_pixels = 0.0\n",
     );
-    let columns = Columns {
-        origin: [0.0; 2],
-        width: [0.5; 2],
-        nx: 6,
-        nz: 6,
-        base: vec![0.0; 36],
-        top: vec![1.0; 36],
-        pressure: vec![0.0; 36],
-        flow: vec![[0.0; 2]; 36],
-    };
+    let columns = Columns::level([0.0; 2], [0.5; 2], [6, 6], 0.0, 1.0);
     let count = 200_000;
     let place = |k: u32| [k % 50, k / 50 % 50, k / 2500].map(|step| f64::from(step) * 0.04 + 1.5);
     let particles = Particles {

@@ -132,20 +132,7 @@ impl Setup {
 
 /// A level lake 2 m deep over level ground at 0, 6 x 5 columns of 0.5 x 0.25 m, its first centre at (offset, offset).
 fn lake(offset: f64) -> Frame {
-    let (nx, nz) = (6, 5);
-    Frame {
-        columns: Columns {
-            origin: [offset, offset],
-            width: [0.5, 0.25],
-            nx,
-            nz,
-            base: vec![0.0; nx * nz],
-            top: vec![2.0; nx * nz],
-            pressure: vec![0.0; nx * nz],
-            flow: vec![[0.0; 2]; nx * nz],
-        },
-        ..Frame::default()
-    }
+    Frame { columns: Columns::level([offset, offset], [0.5, 0.25], [6, 5], 0.0, 2.0), ..Frame::default() }
 }
 
 /// Waves over an uneven bed, with dry columns, around (offset, offset).

@@ -281,12 +281,8 @@ fn keeping(run: &Run, number: i64) -> Result<Option<Keeping>, CliError> {
     let Some(pattern) = run.outputs.iter().find(|path| is_exr(path)).filter(|_| !none) else {
         return Ok(None);
     };
-    let further = [
-        run.simd.name().to_owned(),
-        arguments.memory.map_or_else(String::new, |Bytes(bytes)| bytes.to_string()),
-        // What was not asked for is in no sums.
-        format!("{:?}", mattes(run)),
-    ];
+    let further =
+        [run.simd.name().to_owned(), arguments.memory.map_or_else(String::new, |Bytes(bytes)| bytes.to_string())];
     let output = &run.loaded.scene.output;
     Ok(Some(Keeping {
         path: keep::checkpoint_path(&naming::with_frame(pattern, number)),

@@ -65,17 +65,7 @@ mod tests {
     use super::*;
 
     fn water() -> Columns {
-        let (nx, nz) = (4, 5);
-        Columns {
-            origin: [10.0, 20.0],
-            width: [0.5, 0.25],
-            nx,
-            nz,
-            base: vec![0.0; nx * nz],
-            top: vec![1.0; nx * nz],
-            pressure: vec![0.0; nx * nz],
-            flow: vec![[0.0; 2]; nx * nz],
-        }
+        Columns::level([10.0, 20.0], [0.5, 0.25], [4, 5], 0.0, 1.0)
     }
 
     /// A ball of a centimetre's radius at each place.

@@ -165,25 +165,11 @@ pub fn lower(
     view: Option<View>,
     simd: SimdLevel,
 ) -> Result<LoweredFrame, LowerError> {
-    lower_around(scene_origin(&frame.columns), scene, frame, environment, view, simd)
+    lower_within(None, scene_origin(&frame.columns), scene, frame, environment, view, simd)
 }
 
-/// As [`lower`], around an origin in the files' frame (m): moments of one picture share the first one's.
-///
-/// # Errors
-/// See [`LowerError`].
-pub fn lower_around(
-    origin: DVec3,
-    scene: &Scene,
-    frame: &Frame,
-    environment: &Environment,
-    view: Option<View>,
-    simd: SimdLevel,
-) -> Result<LoweredFrame, LowerError> {
-    lower_within(None, origin, scene, frame, environment, view, simd)
-}
-
-/// As [`lower_around`], with spray thinned until all moments of the picture are estimated to take no more than `budget` bytes.
+/// As [`lower`], around an origin in the files' frame (m), since moments of one picture share the first one's; and with spray thinned
+/// until all of them are estimated to take no more than `budget` bytes, if there is one.
 ///
 /// # Errors
 /// See [`LowerError`].
@@ -305,18 +291,8 @@ mod tests {
     use crate::surface::LaneSurface;
 
     fn frame(offset: f64) -> Frame {
-        let (nx, nz) = (6, 5);
         Frame {
-            columns: Columns {
-                origin: [offset, offset],
-                width: [0.5, 0.25],
-                nx,
-                nz,
-                base: vec![0.0; nx * nz],
-                top: vec![1.0; nx * nz],
-                pressure: vec![0.0; nx * nz],
-                flow: vec![[0.0; 2]; nx * nz],
-            },
+            columns: Columns::level([offset, offset], [0.5, 0.25], [6, 5], 0.0, 1.0),
             particles: Particles {
                 position: vec![[offset, 2.0, offset]],
                 velocity: vec![[0.0; 3]],

@@ -5,8 +5,7 @@ mod memory;
 mod spray;
 
 pub use frame::{
-    Environment, LowerError, LoweredFrame, TERRAIN_SIDES, View, lower, lower_around, lower_within, points_to_frame,
-    scene_origin,
+    Environment, LowerError, LoweredFrame, TERRAIN_SIDES, View, lower, lower_within, points_to_frame, scene_origin,
 };
 
 pub use spray::{Thinning, class_counts};

@@ -272,17 +272,7 @@ mod tests {
 
     /// Level water a metre deep, with one particle of every kind: a drop, a streak, mist, a bubble, and a crowd.
     fn frame() -> Frame {
-        let (nx, nz) = (8, 8);
-        let columns = Columns {
-            origin: [0.0; 2],
-            width: [0.5; 2],
-            nx,
-            nz,
-            base: vec![0.0; nx * nz],
-            top: vec![1.0; nx * nz],
-            pressure: vec![0.0; nx * nz],
-            flow: vec![[0.0; 2]; nx * nz],
-        };
+        let columns = Columns::level([0.0; 2], [0.5; 2], [8, 8], 0.0, 1.0);
         let drop = |radius: f64| 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3) * 1000.0;
         let mut particles = Particles {
             position: vec![[1.0, 3.0, 1.0], [2.0, 3.0, 1.0], [1.0, 3.0, 2.0], [2.0, 0.5, 2.0]],

@@ -8,6 +8,7 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::{Irradiance, OpticsError};
+use crate::images::{self, Image};
 
 /// Most pixels that a sky may have: 32768 x 16384, 6 GB as read, is beyond any panorama in use.
 const LIMIT: usize = 32_768 * 16_384;
@@ -23,8 +24,15 @@ pub(super) struct LatLong {
 impl LatLong {
     /// Reads .exr, .hdr or any of the low-range formats; the latter are decoded from sRGB.
     pub(super) fn read(path: &Path) -> Result<Self, OpticsError> {
-        let is_exr = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
-        let mut image = if is_exr { read_exr(path)? } else { read_other(path)? };
+        let claim = |width: usize, height: usize| {
+            if width.saturating_mul(height) > LIMIT {
+                return Err(OpticsError::TooLarge { path: path.to_owned(), width, height, limit: LIMIT });
+            }
+            Ok(())
+        };
+        // A sky covers all that is behind it, whatever its alpha says.
+        let Image { width, height, pixels } = images::read(path, claim, |value, _| value.truncate())?;
+        let mut image = Self { width, height, pixels };
         let mut negative = 0usize;
         for (index, pixel) in image.pixels.iter_mut().enumerate() {
             if !pixel.is_finite() {
@@ -84,69 +92,6 @@ impl LatLong {
     }
 }
 
-fn read_exr(path: &Path) -> Result<LatLong, OpticsError> {
-    use exr::prelude::*;
-    let broken = |error: exr::error::Error| OpticsError::Image { path: path.to_owned(), reason: error.to_string() };
-    // The header first: a file that claims a huge picture must not make us reserve one.
-    let meta = exr::meta::MetaData::read_from_file(path, false).map_err(broken)?;
-    for header in &meta.headers {
-        check_size(path, header.layer_size.width(), header.layer_size.height())?;
-    }
-    let image = read_first_rgba_layer_from_file(
-        path,
-        |size, _| (size.width(), vec![Vec3::ZERO; size.area()]),
-        |(width, pixels): &mut (usize, Vec<Vec3>), at: Vec2<usize>, (r, g, b, _): (f32, f32, f32, f32)| {
-            pixels[at.y() * *width + at.x()] = Vec3::new(r, g, b);
-        },
-    )
-    .map_err(broken)?;
-    let size = image.layer_data.size;
-    Ok(LatLong { width: size.width(), height: size.height(), pixels: image.layer_data.channel_data.pixels.1 })
-}
-
-fn read_other(path: &Path) -> Result<LatLong, OpticsError> {
-    let broken = |reason: String| OpticsError::Image { path: path.to_owned(), reason };
-    let open = || {
-        image::ImageReader::open(path)
-            .and_then(image::ImageReader::with_guessed_format)
-            .map_err(|error| broken(error.to_string()))
-    };
-    let (width, height) = open()?.into_dimensions().map_err(|error| broken(error.to_string()))?;
-    check_size(path, width as usize, height as usize)?;
-    let mut reader = open()?;
-    // `check_size` has judged; the crate's own ceiling of 512 MB would refuse 8k panoramas.
-    reader.no_limits();
-    let decoded = reader.decode().map_err(|error| broken(error.to_string()))?;
-    let linear = matches!(decoded, image::DynamicImage::ImageRgb32F(_) | image::DynamicImage::ImageRgba32F(_));
-    let pixels = decoded
-        .into_rgb32f()
-        .pixels()
-        .map(|pixel| {
-            let value = Vec3::from_array(pixel.0);
-            if linear { value } else { value.map(srgb_to_linear) }
-        })
-        .collect();
-    Ok(LatLong { width: width as usize, height: height as usize, pixels })
-}
-
-fn check_size(path: &Path, width: usize, height: usize) -> Result<(), OpticsError> {
-    if width == 0 || height == 0 {
-        return Err(OpticsError::Image {
-            path: path.to_owned(),
-            reason: format!("it holds {width} x {height} pixels"),
-        });
-    }
-    if width.saturating_mul(height) > LIMIT {
-        return Err(OpticsError::TooLarge { path: path.to_owned(), width, height, limit: LIMIT });
-    }
-    Ok(())
-}
-
-/// sRGB's decoding (IEC 61966-2-1), 0..1.
-pub(super) fn srgb_to_linear(value: f32) -> f32 {
-    if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -177,13 +122,6 @@ mod tests {
         }
         // Halfway between the last and the first column.
         assert!((map.at(0.0, 0.125).x - 3.5).abs() < 1e-5);
-    }
-
-    #[test]
-    fn srgb_decodes_by_its_definition() {
-        assert_eq!(srgb_to_linear(0.0), 0.0);
-        assert_eq!(srgb_to_linear(1.0), 1.0);
-        assert!((srgb_to_linear(0.5) - 0.214_041_14).abs() < 1e-6);
     }
 
     #[test]

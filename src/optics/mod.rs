@@ -47,13 +47,8 @@ pub enum OpticsError {
         key: &'static str,
     },
     /// The image cannot be read.
-    #[error("{path}: the sky's image cannot be read: {reason}", path = path.display())]
-    Image {
-        /// The file.
-        path: PathBuf,
-        /// What the reader said.
-        reason: String,
-    },
+    #[error("the sky's image {0}")]
+    Image(#[from] crate::images::Unreadable),
     /// The image holds a number that is not one.
     #[error("{path}: pixel ({x}, {y}) of the sky's image is {value:?}; expected finite numbers", path = path.display())]
     NotFinite {

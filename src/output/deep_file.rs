@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::{
     DeepPicture, DeepSample, Metadata, OutputError, Picture, Window, WriteOptions, colorspace,
-    oiio::{oiio_attributes, text_of},
+    oiio::{oiio_attributes, part_over, text_of},
     whole_file::write_whole,
 };
 use crate::ffi::oiio::bridge::{OiioChannel, OiioDeep, OiioPart, oiio_read_deep, oiio_write_deep};
@@ -24,25 +24,15 @@ const HEADER: usize = 8;
 pub(super) fn write(picture: &DeepPicture, path: &Path, options: &WriteOptions) -> Result<u64, OutputError> {
     check(picture)?;
     let channels = picture.channels();
-    // The attributes of the flat picture: they speak of windows and metadata alone.
-    let flat = Picture {
-        display: picture.display,
-        data: picture.data,
-        channels: Vec::new(),
-        metadata: Metadata { colorspace: options.colorspace, ..picture.metadata.clone() },
-    };
+    // The attributes of the flat picture: they speak of windows and metadata alone. Mattes have no channels here.
+    let metadata = Metadata { colorspace: options.colorspace, cryptomattes: Vec::new(), ..picture.metadata.clone() };
+    let flat = Picture { display: picture.display, data: picture.data, channels: Vec::new(), metadata };
     let primaries = colorspace::matrix(picture.metadata.colorspace, options.colorspace).as_mat3();
     let part = OiioPart {
-        name: String::new(),
-        x: picture.data.x,
-        y: picture.data.y,
-        width: picture.data.width,
-        height: picture.data.height,
-        display_width: picture.display.0,
-        display_height: picture.display.1,
         channels: channels.iter().map(|&name| OiioChannel { name: name.into(), half: is_color(name) }).collect(),
         compression: "zips".into(),
         attributes: oiio_attributes(&flat, options)?,
+        ..part_over(picture.display, picture.data)
     };
     let counts: Vec<u32> = picture.first.windows(2).map(|pair| (pair[1] - pair[0]) as u32).collect();
     let mut samples = Vec::with_capacity(picture.samples.len() * channels.len());

@@ -137,12 +137,6 @@ fn spec(picture: &Picture, part: &Part, attributes: &[OiioAttribute]) -> BridgeP
     };
     BridgePart {
         name: part.name.unwrap_or_default().into(),
-        x: picture.data.x,
-        y: picture.data.y,
-        width: picture.data.width,
-        height: picture.data.height,
-        display_width: picture.display.0,
-        display_height: picture.display.1,
         channels: part.channels.iter().map(channel).collect(),
         compression: match part.compression {
             Compression::Zip => "zip".into(),
@@ -152,6 +146,24 @@ fn spec(picture: &Picture, part: &Part, attributes: &[OiioAttribute]) -> BridgeP
             Compression::None => "none".into(),
         },
         attributes: attributes.iter().map(copy).collect(),
+        ..part_over(picture.display, picture.data)
+    }
+}
+
+/// A part of so many pixels of a frame, with nothing in it yet.
+pub(super) fn part_over((display_width, display_height): (u32, u32), data: Window) -> BridgePart {
+    let Window { x, y, width, height } = data;
+    BridgePart {
+        name: String::new(),
+        x,
+        y,
+        width,
+        height,
+        display_width,
+        display_height,
+        channels: Vec::new(),
+        compression: String::new(),
+        attributes: Vec::new(),
     }
 }
 

@@ -26,6 +26,8 @@ pub enum Purpose {
     Detail = 2,
     /// Whether it is drawn when many are too faint to be.
     Faint = 3,
+    /// What its texture looks like.
+    Texture = 4,
 }
 
 /// The seed of particle `index` of a frame at `time` (s).
@@ -51,6 +53,13 @@ pub fn seed(particles: &state::Particles, index: usize, time: f64) -> u32 {
 pub fn uniform(seed: u32, purpose: Purpose) -> f64 {
     let number = scramble(u64::from(seed) | (purpose as u64) << 32) >> 32;
     (number as f64 + 0.5) / (1u64 << 32) as f64
+}
+
+/// One of several uniform numbers, 0 or more and under 1, for a purpose.
+pub(super) fn several(seed: u32, purpose: Purpose, which: u32) -> f32 {
+    let number = scramble(u64::from(seed) | (purpose as u64) << 32 | u64::from(which) << 40);
+    // The upper 24 bits, which single precision holds.
+    (number >> 40) as f32 / (1u32 << 24) as f32
 }
 
 /// A number of the normal distribution of mean 0 and deviation 1 (G. Box and M. Muller, A note on the generation of random

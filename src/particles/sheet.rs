@@ -51,9 +51,6 @@ pub enum SheetError {
 /// cell.
 const MOST_CELLS: f32 = 16_384.0;
 
-/// Density of water (kg/m3); it cancels, since a drop's density and its mass are of the same water.
-const WATER: f32 = 1000.0;
-
 /// Joins particles (m, local frame), each taken for a drop of the given radius (m), of which a share (0..1, more than 0) is
 /// in the sheet. No shares: all of it.
 ///
@@ -83,8 +80,8 @@ pub fn sheet(position: &[Vec3], share: &[f32], radius: f32, settings: &scene::Sh
     // By one thread: the order of neighbours is the order of their sum.
     let mut around = Vec::new();
     neighborhood_search::search_inplace::<i64, f32>(grid.aabb(), &places, reach, false, &mut around);
-    // The crate's own measure of a drop: a cube of water as wide.
-    let mass = (2.0 * radius).powi(3) * WATER;
+    // The crate's own measure of a drop: a cube of water as wide, of density 1, since mass is only ever divided by density.
+    let mass = (2.0 * radius).powi(3);
     let mut dense = density_map::compute_particle_densities::<i64, f32>(&places, &around, reach, mass, true);
     if !share.is_empty() {
         // A drop's volume is its mass by its density.

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 
 use glam::{Vec2, Vec3, Vec4};
 
-use crate::math::scramble;
+use super::seed::{Purpose, several};
+use crate::images::{self, Alpha, Image};
 use crate::scene;
 use crate::state::{FramePattern, StateError};
 
@@ -39,13 +40,8 @@ pub enum TextureError {
         directory: PathBuf,
     },
     /// An image cannot be read.
-    #[error("particles.billboard.texture: {path} cannot be read: {reason}", path = path.display())]
-    Image {
-        /// The file.
-        path: PathBuf,
-        /// What the reader said.
-        reason: String,
-    },
+    #[error("particles.billboard.texture: {0}")]
+    Image(#[from] images::Unreadable),
     /// An image holds a number that is not one.
     #[error(
         "particles.billboard.texture: pixel ({x}, {y}) of {path} is {value:?}; expected finite numbers",
@@ -71,19 +67,11 @@ pub enum TextureError {
     },
 }
 
-/// An image, premultiplied, the top row first.
-#[derive(Clone, Debug)]
-struct Image {
-    width: usize,
-    height: usize,
-    pixels: Vec<Vec4>,
-}
-
 /// The texture of a scene's billboards.
 #[derive(Clone, Debug)]
 pub struct Textures {
     /// Empty for drops.
-    images: Vec<Image>,
+    images: Vec<Image<Vec4>>,
     /// Images to a second of age.
     rate: f64,
 }
@@ -95,8 +83,7 @@ pub fn billboard_turn(seed: u32) -> f32 {
 
 /// Uniform numbers in 0..1 of a particle.
 fn uniform(seed: u32, which: u32) -> f32 {
-    // The upper 24 bits, which single precision holds.
-    (scramble(u64::from(seed) << 32 | u64::from(which)) >> 40) as f32 / (1u32 << 24) as f32
+    several(seed, Purpose::Texture, which)
 }
 
 impl Textures {
@@ -127,7 +114,7 @@ impl Textures {
         }
         let mut pixels = 0;
         for path in paths {
-            textures.images.push(Image::read(&path, &mut pixels)?);
+            textures.images.push(read(&path, &mut pixels)?);
         }
         Ok(Some(textures))
     }
@@ -137,7 +124,7 @@ impl Textures {
         let place = Vec2::from_angle(-billboard_turn(seed)).rotate(Vec2::from(place));
         let Some(last) = self.images.len().checked_sub(1) else { return droplet(seed, place) };
         // A negative age is as 0, and what is beyond all images the last.
-        self.images[((f64::from(age) * self.rate) as usize).min(last)].at(place)
+        sample(&self.images[((f64::from(age) * self.rate) as usize).min(last)], place)
     }
 }
 
@@ -173,109 +160,54 @@ fn droplet(seed: u32, place: Vec2) -> Texel {
     Texel { color: Vec3::splat(if alpha > 0.0 { (light / alpha).min(1.0) } else { 1.0 }), alpha }
 }
 
-impl Image {
-    fn read(path: &Path, pixels: &mut usize) -> Result<Self, TextureError> {
-        let is_exr = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
-        let mut claim = |width: usize, height: usize| {
-            *pixels = pixels.saturating_add(width.saturating_mul(height));
-            if *pixels > LIMIT {
-                Err(TextureError::TooLarge { path: path.to_owned(), pixels: *pixels })
-            } else {
-                Ok(())
-            }
-        };
-        let mut image = if is_exr { read_exr(path, &mut claim)? } else { read_other(path, &mut claim)? };
-        let mut beyond = 0_usize;
-        for (index, pixel) in image.pixels.iter_mut().enumerate() {
-            if !pixel.is_finite() {
-                let (x, y) = (index % image.width, index / image.width);
-                return Err(TextureError::NotFinite { path: path.to_owned(), x, y, value: pixel.to_array() });
-            }
-            let alpha = pixel.w.clamp(0.0, 1.0);
-            let held = pixel.truncate().clamp(Vec3::ZERO, Vec3::splat(alpha)).extend(alpha);
-            // Half's rounding is no excess.
-            beyond += usize::from((held - *pixel).abs().max_element() > 1e-3);
-            *pixel = held;
-        }
-        if beyond > 0 {
-            // An albedo above 1 would make light.
-            tracing::warn!("{}: {beyond} pixels are beyond 0 to alpha; taken as the nearest in it", path.display());
-        }
-        Ok(image)
-    }
-
-    /// Bilinear, over the square around the disc; at its edges the outermost pixels go on.
-    fn at(&self, place: Vec2) -> Texel {
-        let along = |share: f32, count: usize| {
-            let place = (share * count as f32 - 0.5).clamp(0.0, (count - 1) as f32);
-            let index = (place as usize).min(count.saturating_sub(2));
-            (index, (index + 1).min(count - 1), place - index as f32)
-        };
-        let (left, right, fx) = along(0.5 + 0.5 * place.x, self.width);
-        let (top, bottom, fy) = along(0.5 - 0.5 * place.y, self.height);
-        let row = |y: usize| self.pixels[y * self.width + left].lerp(self.pixels[y * self.width + right], fx);
-        let pixel = row(top).lerp(row(bottom), fy);
-        let color = if pixel.w > 0.0 { (pixel.truncate() / pixel.w).min(Vec3::ONE) } else { Vec3::ONE };
-        Texel { color, alpha: pixel.w.min(1.0) }
-    }
-}
-
-type Claim<'a> = &'a mut dyn FnMut(usize, usize) -> Result<(), TextureError>;
-
-/// Premultiplied and linear as it is (OpenEXR's convention); opaque without a channel A.
-fn read_exr(path: &Path, claim: Claim) -> Result<self::Image, TextureError> {
-    use exr::prelude::*;
-    let broken = |error: exr::error::Error| TextureError::Image { path: path.to_owned(), reason: error.to_string() };
-    // The header first: a file that claims a huge picture must not make us reserve one.
-    let meta = exr::meta::MetaData::read_from_file(path, false).map_err(broken)?;
-    for header in &meta.headers {
-        claim(header.layer_size.width(), header.layer_size.height())?;
-    }
-    let image = read_first_rgba_layer_from_file(
-        path,
-        |size, _| (size.width(), vec![Vec4::ZERO; size.area()]),
-        |(width, pixels): &mut (usize, Vec<Vec4>), at: Vec2<usize>, (r, g, b, a): (f32, f32, f32, f32)| {
-            pixels[at.y() * *width + at.x()] = Vec4::new(r, g, b, a);
-        },
-    )
-    .map_err(broken)?;
-    let size = image.layer_data.size;
-    Ok(self::Image { width: size.width(), height: size.height(), pixels: image.layer_data.channel_data.pixels.1 })
-}
-
-/// Straight alpha and sRGB, or linear where the format is of floats.
-fn read_other(path: &Path, claim: Claim) -> Result<Image, TextureError> {
-    let broken = |reason: String| TextureError::Image { path: path.to_owned(), reason };
-    let open = || {
-        image::ImageReader::open(path)
-            .and_then(image::ImageReader::with_guessed_format)
-            .map_err(|error| broken(error.to_string()))
+/// Reads an image, premultiplied; `pixels` counts those of all images so far.
+fn read(path: &Path, pixels: &mut usize) -> Result<Image<Vec4>, TextureError> {
+    let claim = |width: usize, height: usize| {
+        *pixels = pixels.saturating_add(width.saturating_mul(height));
+        if *pixels > LIMIT { Err(TextureError::TooLarge { path: path.to_owned(), pixels: *pixels }) } else { Ok(()) }
     };
-    let (width, height) = open()?.into_dimensions().map_err(|error| broken(error.to_string()))?;
-    claim(width as usize, height as usize)?;
-    let decoded = open()?.decode().map_err(|error| broken(error.to_string()))?;
-    let linear = matches!(decoded, image::DynamicImage::ImageRgb32F(_) | image::DynamicImage::ImageRgba32F(_));
-    let pixels = decoded
-        .into_rgba32f()
-        .pixels()
-        .map(|pixel| {
-            let straight = Vec4::from_array(pixel.0);
-            let color = straight.truncate();
-            let color = if linear { color } else { color.map(srgb_to_linear) };
-            (color * straight.w).extend(straight.w)
-        })
-        .collect();
-    Ok(Image { width: width as usize, height: height as usize, pixels })
+    let mut image = images::read(path, claim, |value, alpha| match alpha {
+        Alpha::Premultiplied => value,
+        Alpha::Straight => (value.truncate() * value.w).extend(value.w),
+    })?;
+    let mut beyond = 0_usize;
+    for (index, pixel) in image.pixels.iter_mut().enumerate() {
+        if !pixel.is_finite() {
+            let (x, y) = (index % image.width, index / image.width);
+            return Err(TextureError::NotFinite { path: path.to_owned(), x, y, value: pixel.to_array() });
+        }
+        let alpha = pixel.w.clamp(0.0, 1.0);
+        let held = pixel.truncate().clamp(Vec3::ZERO, Vec3::splat(alpha)).extend(alpha);
+        // Half's rounding is no excess.
+        beyond += usize::from((held - *pixel).abs().max_element() > 1e-3);
+        *pixel = held;
+    }
+    if beyond > 0 {
+        // An albedo above 1 would make light.
+        tracing::warn!("{}: {beyond} pixels are beyond 0 to alpha; taken as the nearest in it", path.display());
+    }
+    Ok(image)
 }
 
-/// IEC 61966-2-1.
-fn srgb_to_linear(value: f32) -> f32 {
-    if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+/// Bilinear, over the square around the disc; at its edges the outermost pixels go on.
+fn sample(image: &Image<Vec4>, place: Vec2) -> Texel {
+    let along = |share: f32, count: usize| {
+        let place = (share * count as f32 - 0.5).clamp(0.0, (count - 1) as f32);
+        let index = (place as usize).min(count.saturating_sub(2));
+        (index, (index + 1).min(count - 1), place - index as f32)
+    };
+    let (left, right, fx) = along(0.5 + 0.5 * place.x, image.width);
+    let (top, bottom, fy) = along(0.5 - 0.5 * place.y, image.height);
+    let row = |y: usize| image.pixels[y * image.width + left].lerp(image.pixels[y * image.width + right], fx);
+    let pixel = row(top).lerp(row(bottom), fy);
+    let color = if pixel.w > 0.0 { (pixel.truncate() / pixel.w).min(Vec3::ONE) } else { Vec3::ONE };
+    Texel { color, alpha: pixel.w.min(1.0) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::images::srgb_to_linear;
     use proptest::prelude::*;
 
     fn settings(texture: &str) -> scene::Particles {

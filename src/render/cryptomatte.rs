@@ -25,6 +25,13 @@ pub struct Mattes {
     pub bed: bool,
 }
 
+impl std::fmt::Display for Mattes {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let names: Vec<&str> = self.kinds().map(|kind| LAYERS[kind]).collect();
+        if names.is_empty() { f.write_str("none") } else { f.write_str(&names.join(", ")) }
+    }
+}
+
 /// Names of the sets' layers, in the order of [`Mattes::asked`].
 const LAYERS: [&str; 3] = ["CryptoObject", "CryptoMaterial", "CryptoBed"];
 

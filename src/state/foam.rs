@@ -127,16 +127,7 @@ mod tests {
     use crate::state::{Frame, Packing, read_frame, save_frame_with};
 
     fn frame() -> Frame {
-        let columns = Columns {
-            origin: [1.0, -3.0],
-            width: [0.5, 0.25],
-            nx: 4,
-            nz: 3,
-            base: vec![0.0; 12],
-            top: vec![1.0; 12],
-            pressure: vec![0.0; 12],
-            flow: vec![[0.0; 2]; 12],
-        };
+        let columns = Columns::level([1.0, -3.0], [0.5, 0.25], [4, 3], 0.0, 1.0);
         Frame { time: 1.5, columns, ..Frame::default() }
     }
 

@@ -221,6 +221,16 @@ pub struct Columns {
     pub flow: Vec<[f64; 2]>,
 }
 
+impl Columns {
+    /// Water at rest without pressure: `count` columns of a `width` (m) over level ground at `base` (m), filled to `top` (m); the first
+    /// one's centre (x, z) is at `origin` (m).
+    pub fn level(origin: [f64; 2], width: [f64; 2], [nx, nz]: [usize; 2], base: f64, top: f64) -> Self {
+        let count = nx * nz;
+        let (base, top) = (vec![base; count], vec![top; count]);
+        Self { origin, width, nx, nz, base, top, pressure: vec![0.0; count], flow: vec![[0.0; 2]; count] }
+    }
+}
+
 /// Spray, one array per field.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Particles {

@@ -160,16 +160,7 @@ mod tests {
 
     /// A plane of dry ground at height 5 with the given wet columns filled to their levels.
     fn columns(nx: usize, nz: usize, wet: &[(usize, usize, f64)]) -> state::Columns {
-        let mut columns = state::Columns {
-            origin: [100.0, 200.0],
-            width: [2.0, 2.0],
-            nx,
-            nz,
-            base: vec![5.0; nx * nz],
-            top: vec![5.0; nx * nz],
-            pressure: vec![0.0; nx * nz],
-            flow: vec![[0.0; 2]; nx * nz],
-        };
+        let mut columns = state::Columns::level([100.0, 200.0], [2.0, 2.0], [nx, nz], 5.0, 5.0);
         for &(x, z, level) in wet {
             columns.base[z * nx + x] = 1.0;
             columns.top[z * nx + x] = level;

@@ -167,6 +167,13 @@ impl Checkpoint {
         if part(&old.portion) != part(&now.portion) {
             return Some(format!("it has the tiles {}; expected {}", part(&old.portion), part(&now.portion)));
         }
+        let mattes = [old, now].map(|header| header.view.names.mattes());
+        if mattes[0] != mattes[1] {
+            return Some(format!(
+                "it has the sets of mattes {}; expected {}, as --layers asks for",
+                mattes[0], mattes[1]
+            ));
+        }
         if old.identity != now.identity || old.groups != now.groups {
             let short = |identity: &str| identity.chars().take(12).collect::<String>();
             return Some(format!(

@@ -15,16 +15,7 @@ fn mass(radius: f64) -> f64 {
 
 /// A frame of particles over dry ground that is not drawn.
 fn frame(particles: Particles) -> Frame {
-    let columns = Columns {
-        origin: [-1.0; 2],
-        width: [1.0; 2],
-        nx: 3,
-        nz: 3,
-        base: vec![-10.0; 9],
-        top: vec![-10.0; 9],
-        pressure: vec![0.0; 9],
-        flow: vec![[0.0; 2]; 9],
-    };
+    let columns = Columns::level([-1.0; 2], [1.0; 2], [3, 3], -10.0, -10.0);
     Frame { columns, particles, ..Frame::default() }
 }
 
@@ -47,7 +38,7 @@ fn lowered(scene: &Scene, frames: &[Frame]) -> Vec<LoweredFrame> {
     let pixel_angle = scene.camera.fov.to_radians() / f64::from(scene.render.height);
     let view = View { eye: EYE.into(), pixel_angle };
     let lower = |frame: &Frame| {
-        lower::lower_around(DVec3::ZERO, scene, frame, &Environment::default(), Some(view), SimdLevel::detect())
+        lower::lower_within(None, DVec3::ZERO, scene, frame, &Environment::default(), Some(view), SimdLevel::detect())
     };
     frames.iter().map(|frame| lower(frame).unwrap()).collect()
 }
