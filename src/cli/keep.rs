@@ -8,8 +8,11 @@ use anyhow::Context;
 use sha2::{Digest, Sha256};
 
 use super::errors::CliError;
+use crate::lower::Environment;
+use crate::particles;
 use crate::scene::{self, LoadedScene};
 use crate::state::FrameSequence;
+use crate::terrain::{Mesh, MeshAlbedo};
 
 /// `.NAME.checkpoint` beside the picture `NAME`.
 pub(super) fn checkpoint_path(picture: &Path) -> PathBuf {
@@ -19,50 +22,106 @@ pub(super) fn checkpoint_path(picture: &Path) -> PathBuf {
     picture.with_file_name(name)
 }
 
-/// A hash of what a frame's pixels depend on: the scene, but for what is done with finished pictures and for how many samples
-/// they get (the checkpoint compares those itself); the frame's files; and `further` words that decide on bits.
-///
-/// # Errors
-/// A file that cannot be read.
-pub(super) fn identity(
-    loaded: &LoadedScene,
-    frames: &FrameSequence,
-    number: i64,
-    further: &[String],
-) -> Result<String, CliError> {
-    let mut scene = loaded.scene.clone();
-    scene.water.preset = None;
-    scene.output = scene::Output::default();
-    let plain = scene::Render::default();
-    let render = &mut scene.render;
-    (render.noise, render.seconds, render.max_samples) = (plain.noise, plain.seconds, plain.max_samples);
-    if render.caustic_samples.is_none() {
-        // Otherwise it says in which of them caustics are looked for.
-        render.samples = plain.samples;
+/// What the pixels of a run's frames depend on.
+#[derive(Clone, Copy)]
+pub(super) struct Inputs<'a> {
+    pub(super) loaded: &'a LoadedScene,
+    pub(super) frames: &'a FrameSequence,
+    pub(super) environment: &'a Environment,
+}
+
+impl Inputs<'_> {
+    /// A hash of what frame `number`'s pixels depend on: the scene, but for what is done with finished pictures and for how many
+    /// samples they get (the checkpoint compares those itself); what is in every file that it reads; and `further` words that
+    /// decide on bits.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub(super) fn identity(&self, number: i64, further: &[String]) -> Result<String, CliError> {
+        let mut hash = Sha256::new();
+        hash.update(serde_json::to_vec(&self.scene()).expect("a scene is plain data with string keys"));
+        for word in further {
+            hash.update([0]);
+            hash.update(word);
+        }
+        for path in self.files(number)? {
+            let own = of_file(&path).with_context(|| format!("could not read {}", path.display()))?;
+            hash.update(own);
+        }
+        for (name, mesh) in &self.environment.meshes {
+            hash.update(name);
+            hash.update(of_mesh(mesh));
+        }
+        for sphere in &self.environment.spheres {
+            let [x, y, z] = sphere.center;
+            [x, y, z, sphere.radius]
+                .into_iter()
+                .chain(sphere.albedo)
+                .for_each(|value| hash.update(value.to_le_bytes()));
+        }
+        Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
     }
+
+    /// The scene as far as it decides on pixels.
+    fn scene(&self) -> scene::Scene {
+        let mut scene = self.loaded.scene.clone();
+        scene.water.preset = None;
+        scene.output = scene::Output::default();
+        let plain = scene::Render::default();
+        let render = &mut scene.render;
+        (render.noise, render.seconds, render.max_samples) = (plain.noise, plain.seconds, plain.max_samples);
+        if render.caustic_samples.is_none() {
+            // Otherwise it says in which of them caustics are looked for.
+            render.samples = plain.samples;
+        }
+        scene
+    }
+
+    /// The files besides the environment's, each time in the same order.
+    fn files(&self, number: i64) -> Result<Vec<PathBuf>, CliError> {
+        let Self { loaded, frames, .. } = self;
+        let scene = &loaded.scene;
+        // Foam comes out of the frames before, and the frame after is seen while the shutter is open. A camera without a place
+        // stands where it sees the sequence's first frame.
+        let first = number.saturating_sub(i64::from(scene.foam.window));
+        let near = first..=number.saturating_add(1);
+        let read = frames.iter().filter(|(other, _)| near.contains(other) || *other == frames.first());
+        let mut files: Vec<PathBuf> = read.map(|(_, path)| path.to_owned()).collect();
+        let sky = &scene.sky;
+        let images = [&sky.image, &sky.above, &sky.below].into_iter().flatten().map(|name| loaded.resolve(name));
+        // One that this kind of sky does not show need not be there.
+        files.extend(images.filter(|path| path.is_file()));
+        files.extend(particles::texture_files(&scene.particles, &loaded.directory).map_err(anyhow::Error::from)?);
+        Ok(files)
+    }
+}
+
+type Digest32 = sha2::digest::Output<Sha256>;
+
+fn of_file(path: &Path) -> std::io::Result<Digest32> {
+    let mut file = std::fs::File::open(path)?;
+    let mut buffer = vec![0; 1 << 16];
     let mut hash = Sha256::new();
-    hash.update(serde_json::to_vec(&scene).expect("a scene is plain data with string keys"));
-    for word in further {
-        hash.update([0]);
-        hash.update(word);
+    loop {
+        match file.read(&mut buffer)? {
+            0 => return Ok(hash.finalize()),
+            count => hash.update(&buffer[..count]),
+        }
     }
-    // The frame after is seen while the shutter is open.
-    let files = [Some(number), number.checked_add(1)].into_iter().flatten().filter_map(|number| frames.path(number));
-    for path in files {
-        let of_file = || -> std::io::Result<_> {
-            let mut file = std::fs::File::open(path)?;
-            let mut buffer = vec![0; 1 << 16];
-            let mut own = Sha256::new();
-            loop {
-                match file.read(&mut buffer)? {
-                    0 => return Ok(own.finalize()),
-                    count => own.update(&buffer[..count]),
-                }
-            }
-        };
-        hash.update(of_file().with_context(|| format!("could not read {}", path.display()))?);
-    }
-    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// What is in a mesh rather than its file's bytes: glTF may keep them in several files.
+fn of_mesh(mesh: &Mesh) -> Digest32 {
+    let mut hash = Sha256::new();
+    mesh.position.iter().flat_map(|point| point.to_array()).for_each(|value| hash.update(value.to_le_bytes()));
+    mesh.normal.iter().flat_map(|normal| normal.to_array()).for_each(|value| hash.update(value.to_le_bytes()));
+    mesh.index.iter().flatten().for_each(|index| hash.update(index.to_le_bytes()));
+    let albedo = match &mesh.albedo {
+        MeshAlbedo::Uniform(albedo) => std::slice::from_ref(albedo),
+        MeshAlbedo::PerVertex(albedo) => albedo,
+    };
+    albedo.iter().flat_map(|albedo| albedo.to_array()).for_each(|value| hash.update(value.to_le_bytes()));
+    hash.finalize()
 }
 
 #[cfg(test)]
@@ -72,5 +131,56 @@ mod tests {
     #[test]
     fn a_checkpoint_hides_beside_its_picture() {
         assert_eq!(checkpoint_path(Path::new("o/a.0001.exr")), Path::new("o/.a.0001.exr.checkpoint"));
+    }
+
+    /// A folder with a scene of five frames, and what else its pictures may depend on.
+    fn folder() -> tempfile::TempDir {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        for number in 0..5 {
+            write(&format!("time{number:03}.state"), "a frame");
+        }
+        write("sky.exr", "a sky");
+        write("drop.01.png", "a drop");
+        write("rock.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+        let scene = r#"
+            frames.files = "time###.state"
+            foam.window = 1
+            sky = { kind = "latlong", image = "sky.exr" }
+            particles = { representation = "billboards", billboard.texture = "drop.##.png" }
+            environment.meshes = ["rock.obj"]
+        "#;
+        write("scene.toml", scene);
+        folder
+    }
+
+    fn identity(folder: &Path) -> String {
+        let loaded = scene::load(&folder.join("scene.toml"), &[]).unwrap();
+        let frames = super::super::load::frames(&loaded).unwrap();
+        let environment = super::super::load::environment(&loaded, &frames).unwrap();
+        Inputs { loaded: &loaded, frames: &frames, environment: &environment }.identity(3, &[]).unwrap()
+    }
+
+    #[test]
+    fn whatever_a_frame_reads_is_part_of_its_identity_and_nothing_else_is() {
+        let folder = folder();
+        let before = identity(folder.path());
+        assert_eq!(before, identity(folder.path()));
+        let changed = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            let old = std::fs::read(&path).unwrap();
+            std::fs::write(&path, text).unwrap();
+            let after = identity(folder.path());
+            std::fs::write(&path, old).unwrap();
+            after != before
+        };
+        let rock = "v 0 0 0\nv 2 0 0\nv 0 1 0\nf 1 2 3\n";
+        let other = [("time003.state", "x"), ("time004.state", "x"), ("time002.state", "x"), ("time000.state", "x")];
+        let read = other.into_iter().chain([("sky.exr", "x"), ("drop.01.png", "x"), ("rock.obj", rock)]);
+        for (name, text) in read {
+            assert!(changed(name, text), "{name}");
+        }
+        assert!(!changed("time001.state", "x"), "two frames before, with a window of one");
+        assert_eq!(before, identity(folder.path()));
     }
 }

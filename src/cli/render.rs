@@ -283,13 +283,14 @@ fn keeping(run: &Run, number: i64) -> Result<Option<Keeping>, CliError> {
     };
     let further =
         [run.simd.name().to_owned(), arguments.memory.map_or_else(String::new, |Bytes(bytes)| bytes.to_string())];
+    let inputs = keep::Inputs { loaded: &run.loaded, frames: &run.frames, environment: &run.environment };
     let output = &run.loaded.scene.output;
     Ok(Some(Keeping {
         path: keep::checkpoint_path(&naming::with_frame(pattern, number)),
         every: arguments.checkpoint,
         resume: arguments.resume,
         keep: arguments.keep_checkpoint,
-        identity: keep::identity(&run.loaded, &run.frames, number, &further)?,
+        identity: inputs.identity(number, &further)?,
         scene_hash: run.loaded.hash.clone(),
         owner: output.owner.clone(),
         comments: output.comments.clone(),

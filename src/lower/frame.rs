@@ -361,8 +361,8 @@ mod tests {
         (scene.particles.least_pixels, scene.particles.least_opacity) = (0.0, 0.0);
         let view = View { eye: DVec3::new(1e6, 1000.0, 1e6), pixel_angle: 1e-3 };
         let far = lower(&scene, Some(view)).unwrap();
-        let opacity = |lowered: &LoweredFrame| lowered.spray.appearance(0).opacity;
-        assert!(opacity(&far) < 0.1 * opacity(&still) && opacity(&far) > 0.0);
+        let share = |lowered: &LoweredFrame| lowered.spray.appearance(0).share;
+        assert!(share(&far) < 0.1 * share(&still) && share(&far) > 0.0);
     }
 
     #[test]

@@ -111,7 +111,12 @@ pub(super) fn gather(
             Thinning { found: counts.drawn as u64, drawn: spray.len() as u64, least_pixels: least, over_budget };
         return Ok((spray, None, thinning));
     }
-    let shares = judged(scene, &spray, water);
+    let mut shares = judged(scene, &spray, water);
+    // A drop of water is another matter than a streak or a bubble: from one to the other it fades.
+    let stretch: Vec<f32> = match settings.matter {
+        DropMatter::Diffuse => shares.iter_mut().map(particles::drawn_once).collect(),
+        DropMatter::Water => Vec::new(),
+    };
     // What is too small to be told apart stops as much light as its own drops would: water in finer ones counts for more.
     let fine = settings.classes.atomised;
     let (mut position, mut velocity, mut mass) = (Vec::new(), Vec::new(), Vec::new());
@@ -148,7 +153,7 @@ pub(super) fn gather(
         Some(sight) if least > 0.0 => particles::covers(&spray, sight, least),
         _ => Vec::new(),
     };
-    let sorted = spray.sorted_and_thinned(&shares, &covers);
+    let sorted = spray.sorted_and_thinned(&shares, &covers, &stretch);
     let found = counts.drawn as u64;
     let thinning = Thinning { found, drawn: found - sorted.thinned, least_pixels: least, over_budget };
     Ok((sorted, mist, thinning))
@@ -326,6 +331,25 @@ mod tests {
         }
         // The crowd's edge is on its way between drops and sheet, its middle is all sheet.
         assert!(parts[0].2 < 500 && parts[3].2 > 100, "{parts:?}");
+    }
+
+    #[test]
+    fn a_drop_on_its_way_to_a_streak_is_drawn_once() {
+        let mut frame = frame();
+        // Of 1/50 s it flies one and a half diameters.
+        frame.particles.velocity[1] = [1.5, 0.0, 0.0];
+        let names = |scene: &Scene| -> Vec<(String, usize)> {
+            let lowered = lower(scene, &frame, &Environment::default(), None, SimdLevel::Portable).unwrap();
+            let spray = &lowered.spray;
+            let count = |class: Class| (class.name().to_owned(), spray.of(class).len());
+            vec![count(Class::Streak), count(Class::Drop)]
+        };
+        let mut scene = Scene::default();
+        let diffuse = names(&scene);
+        scene.particles.matter = DropMatter::Water;
+        let water = names(&scene);
+        assert_eq!((diffuse[0].1, water[0].1), (1, 1), "{diffuse:?} {water:?}");
+        assert_eq!(diffuse[1].1 + 1, water[1].1, "{diffuse:?} {water:?}");
     }
 
     #[test]

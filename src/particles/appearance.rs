@@ -12,8 +12,10 @@ const DENSITY: f64 = 1000.0;
 pub struct Appearance {
     /// Linear Rec.709 albedo.
     pub albedo: Vec3,
-    /// Share of light that it stops, 0..1.
+    /// Share of light that it stops, through its middle, 0..1.
     pub opacity: f32,
+    /// Factor on what it stops anywhere, 0..1: under 1 for what is drawn wider than it is.
+    pub share: f32,
 }
 
 /// Radius (m) of a ball of `mass` kg of water, times `scale`: cbrt(3 m / 4 pi rho).
@@ -39,6 +41,7 @@ pub fn appearance(speed: f64, age: f64, particles: &scene::Particles) -> Appeara
     Appearance {
         albedo: color(particles.slow_albedo).lerp(color(particles.fast_albedo), fast),
         opacity: (particles.opacity * young) as f32,
+        share: 1.0,
     }
 }
 

@@ -140,6 +140,25 @@ fn settle(mut shares: Shares) -> Shares {
     shares
 }
 
+/// Makes what a particle is of drop, streak and bubble one: a streak if it is any of one, else what it is most of. Returns the
+/// part of its flight that the streak is drawn along, so that it grows out of the drop or bubble.
+///
+/// All three are bright matter. Drawn as each of them by its share, a particle on its way would be a ball with a tail through
+/// it.
+pub fn drawn_once(shares: &mut Shares) -> f32 {
+    let [drop, streak, bubble] = [Class::Drop, Class::Streak, Class::Bubble].map(|class| shares[class as usize]);
+    let whole = drop + streak + bubble;
+    let one = match streak > 0.0 {
+        true => Class::Streak,
+        false if drop >= bubble => Class::Drop,
+        false => Class::Bubble,
+    };
+    for class in [Class::Drop, Class::Streak, Class::Bubble] {
+        shares[class as usize] = if class == one { whole } else { 0.0 };
+    }
+    if streak > 0.0 { streak / whole } else { 1.0 }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -199,6 +218,29 @@ mod tests {
         assert!(shares[555][Class::Sheet as usize] > 0.99, "{:?}", shares[555]);
         assert!(shares[1000][Class::Drop as usize] > 0.99);
         assert!(shares[1001][Class::Bubble as usize] > 0.99);
+    }
+
+    #[test]
+    fn a_streak_grows_out_of_its_drop() {
+        let settings = scene::Classes::default();
+        let radius = 4.0 * settings.mist_radius as f32;
+        let (mut last, mut grown) = (0.0, 0);
+        for step in 0..3000 {
+            let flown = 2.0 * radius * step as f32 / 1000.0;
+            let mut shares = judge(radius, flown, -1.0, ALONE, &settings);
+            let stretch = drawn_once(&mut shares);
+            let [drop, streak] = [Class::Drop, Class::Streak].map(|class| shares[class as usize]);
+            assert!((drop == 0.0) != (streak == 0.0) && (drop + streak - 1.0).abs() < 1e-5, "{shares:?}");
+            let length = if streak > 0.0 { stretch * flown } else { 0.0 };
+            assert!((0.0..0.08 * radius).contains(&(length - last)), "{flown}: {last} to {length}");
+            last = length;
+            grown += usize::from(streak > 0.0 && stretch < 1.0);
+        }
+        let mut diving = judge(radius, 6.0 * radius, 0.5 * radius, ALONE, &settings);
+        assert_eq!((drawn_once(&mut diving), diving), (0.5, [0.0, 1.0, 0.0, 0.0, 0.0]));
+        let mut still = judge(radius, 0.0, 0.75 * radius, ALONE, &settings);
+        assert_eq!((drawn_once(&mut still), still), (1.0, [0.0, 0.0, 0.0, 0.0, 1.0]));
+        assert!(grown > 500 && (last - 5.998 * radius).abs() < 1e-3 * radius, "{grown}, {last}");
     }
 
     proptest! {

@@ -16,11 +16,11 @@ mod texture;
 
 pub use appearance::{Appearance, appearance, mass, radius};
 pub use billboard::{Facing, facing};
-pub use classes::{Class, Judged, Shares, mean_radius, shares};
+pub use classes::{Class, Judged, Shares, drawn_once, mean_radius, shares};
 pub use detail::{Sight, covers, least_for};
 pub use neighbours::{Nearness, Neighbours};
 pub use seed::{Purpose, seed, size_factor, uniform};
 pub use sheet::{Sheet, SheetError, sheet};
 pub use store::Spray;
 pub use streak::{Streaks, streaks};
-pub use texture::{Texel, TextureError, Textures, billboard_turn};
+pub use texture::{Texel, TextureError, Textures, billboard_turn, texture_files};

@@ -28,6 +28,8 @@ pub struct Spray {
     seed: Vec<u32>,
     /// Factor on each cross section, for those that stand for their neighbours as well; empty where all are 1.
     cover: Vec<f32>,
+    /// Part of its flight that each is drawn along as a streak; empty where all are drawn along all of it.
+    stretch: Vec<f32>,
     /// Seconds since each broke free, by which textures go. Empty where none is drawn.
     age: Vec<f32>,
     /// Particles left out because their radius is 0 (no mass, or a scale of 0).
@@ -163,12 +165,12 @@ impl Spray {
     /// Sorts the particles by class. One that belongs to several stands in each, as opaque as its share there, and has that
     /// share of itself in a sheet. Mist is no particle any more.
     pub fn sorted(&self, shares: &[Shares]) -> Self {
-        self.sorted_and_thinned(shares, &[])
+        self.sorted_and_thinned(shares, &[], &[])
     }
 
     /// As [`Spray::sorted`], without those whose factor on their cross section is 0, but for sheets, which stay whole; no
-    /// factors for none.
-    pub fn sorted_and_thinned(&self, shares: &[Shares], covers: &[f32]) -> Self {
+    /// factors for none. `stretch` is the part of its flight that each is drawn along as a streak, none where it is all.
+    pub fn sorted_and_thinned(&self, shares: &[Shares], covers: &[f32], stretch: &[f32]) -> Self {
         let mut sorted = Self {
             without_size: self.without_size,
             out_of_range: self.out_of_range,
@@ -197,6 +199,7 @@ impl Spray {
                     if !covers.is_empty() {
                         sorted.cover.push(cover);
                     }
+                    sorted.stretch.extend(stretch.get(index));
                 } else {
                     sorted.thinned += 1;
                 }
@@ -222,7 +225,7 @@ impl Spray {
     /// Some of the particles, as drops.
     pub fn part(&self, range: std::ops::Range<usize>) -> Self {
         let some = |values: &[f32]| if values.is_empty() { Vec::new() } else { values[range.clone()].to_vec() };
-        let (share, cover) = (some(&self.share), some(&self.cover));
+        let (share, cover, stretch) = (some(&self.share), some(&self.cover), some(&self.stretch));
         let end = range.len();
         Self {
             position: self.position[range.clone()].to_vec(),
@@ -232,6 +235,7 @@ impl Spray {
             look: self.look[range].to_vec(),
             share,
             cover,
+            stretch,
             first: [0, end, end, end, end, end],
             ..Self::default()
         }
@@ -254,12 +258,12 @@ impl Spray {
         self.radius.is_empty()
     }
 
-    /// Colour and opacity of particle `index`, within 1/131070 of what [`appearance()`] says, times its share.
+    /// Colour and opacity of particle `index`, within 1/131070 of what [`appearance()`] says, and its share.
     #[inline]
     pub fn appearance(&self, index: usize) -> Appearance {
         let [r, g, b, opacity] = self.look[index].map(|share| f32::from(share) * (1.0 / 65535.0));
         let share = self.share.get(index).copied().unwrap_or(1.0);
-        Appearance { albedo: Vec3::new(r, g, b), opacity: opacity * share }
+        Appearance { albedo: Vec3::new(r, g, b), opacity, share }
     }
 
     /// What particle `index` is drawn by where chance decides.
@@ -272,6 +276,12 @@ impl Spray {
     #[inline]
     pub fn cover(&self, index: usize) -> f32 {
         self.cover.get(index).copied().unwrap_or(1.0)
+    }
+
+    /// Part of its flight that particle `index` is drawn along as a streak.
+    #[inline]
+    pub fn stretch(&self, index: usize) -> f32 {
+        self.stretch.get(index).copied().unwrap_or(1.0)
     }
 
     /// Radii (m) of the balls and discs that some of the particles are drawn as.
@@ -291,6 +301,7 @@ impl Spray {
         (self.len() * each
             + size_of_val(&*self.share)
             + size_of_val(&*self.cover)
+            + size_of_val(&*self.stretch)
             + size_of_val(&*self.sheet)
             + size_of_val(&*self.age)) as u64
     }
@@ -368,7 +379,7 @@ mod tests {
         let spray = Spray::build(&particles, &scene::Particles::default(), DVec3::new(500_000.0, 10.0, 4_000_000.0));
         let sheet = [0.25, 0.0, 0.0, 0.75, 0.0];
         let drop = [1.0, 0.0, 0.0, 0.0, 0.0];
-        let sorted = spray.sorted_and_thinned(&[sheet, drop, drop], &[0.0, 4.0, 1.0]);
+        let sorted = spray.sorted_and_thinned(&[sheet, drop, drop], &[0.0, 4.0, 1.0], &[]);
         assert_eq!((sorted.of(Class::Drop), sorted.of(Class::Sheet), sorted.thinned), (0..2, 2..3, 1));
         let drawn = sorted.drawn_radius(0..3);
         assert_eq!(drawn, [2.0 * spray.radius[1], spray.radius[2], spray.radius[0]]);
@@ -376,6 +387,19 @@ mod tests {
         all.thin(vec![0.0, 4.0, 1.0]);
         assert_eq!((all.of(Class::Drop), all.thinned, all.cover(0), all.seed(1)), (0..2, 1, 4.0, spray.seed(2)));
         assert_eq!(all.part(1..2).cover(0), 1.0);
+    }
+
+    #[test]
+    fn each_streak_keeps_the_part_of_its_flight() {
+        let mut particles = three();
+        particles.mass[1] = 0.25;
+        let spray = Spray::build(&particles, &scene::Particles::default(), DVec3::new(500_000.0, 10.0, 4_000_000.0));
+        let (drop, streak) = ([1.0, 0.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0, 0.0]);
+        let sorted = spray.sorted_and_thinned(&[streak, drop, streak], &[], &[0.25, 1.0, 0.5]);
+        assert_eq!(sorted.of(Class::Streak), 1..3);
+        assert_eq!([0, 1, 2].map(|index| sorted.stretch(index)), [1.0, 0.25, 0.5]);
+        assert_eq!(sorted.part(2..3).stretch(0), 0.5);
+        assert_eq!(spray.stretch(0), 1.0);
     }
 
     #[test]

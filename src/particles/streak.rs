@@ -139,13 +139,14 @@ impl Streak {
     }
 }
 
-/// The streaks of `seconds` (s) of flight, seen from `eye` (local frame, m) with pixels of so many radians, if from
+/// The streaks of `seconds` (s) of flight, or of each particle's part of them ([`Spray::stretch`]), seen from `eye` (local frame, m) with pixels of so many radians, if from
 /// anywhere.
 pub fn streaks(spray: &Spray, settings: &scene::Particles, seconds: f64, eye: Option<(DVec3, f64)>) -> Streaks {
     let streak = |index: usize| {
         let flight = [spray.position[index].as_dvec3(), spray.velocity[index].as_dvec3()];
         let size = [spray.radius[index], spray.cover(index)].map(f64::from);
-        let streak = Streak::new(flight, size, seconds, settings, eye)?;
+        let shown = seconds * f64::from(spray.stretch(index));
+        let streak = Streak::new(flight, size, shown, settings, eye)?;
         let chance = uniform(spray.seed(index), Purpose::Faint);
         let share = f64::from(streak.share);
         let factor = strengthened(share, settings.least_opacity, chance);

@@ -47,7 +47,8 @@ impl Matter for Looks<'_> {
 
     fn spray(&self, index: u32) -> SprayLook {
         let look = self.spray.appearance(index as usize);
-        SprayLook { albedo: look.albedo, opacity: look.opacity, velocity: self.spray.velocity[index as usize] }
+        let velocity = self.spray.velocity[index as usize];
+        SprayLook { albedo: look.albedo, opacity: look.opacity, share: look.share, velocity }
     }
 
     fn water_level(&self, x: f32, z: f32) -> Option<f32> {

@@ -125,7 +125,7 @@ impl World<'_> {
                 if ball && direction.dot(contact.normal) > 0.0 && carrier.passed < PASSES {
                     return None;
                 }
-                let look = self.spray_look(part, first + *primitive, *primitive, contact);
+                let look = self.spray_look(part, first + *primitive, *primitive, contact, *direction);
                 matte.own_layer = Layer::Spray;
                 matte.velocity = look.velocity;
                 matte.opacity = look.opacity;

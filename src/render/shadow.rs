@@ -219,7 +219,8 @@ impl World<'_> {
                 }
                 // A ball is met twice, on the way in and on the way out, and counts once.
                 if !outward || matches!(part.shape, Shape::Discs(_)) {
-                    carrier.share *= 1.0 - self.spray_look(part, first + primitive, primitive, &contact).opacity;
+                    carrier.share *=
+                        1.0 - self.spray_look(part, first + primitive, primitive, &contact, direction).opacity;
                 }
             }
             Material::Ground | Material::Diffuse(_) | Material::VertexColours(_) => return,

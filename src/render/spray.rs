@@ -56,9 +56,25 @@ impl World<'_> {
         (share, share * value)
     }
 
-    /// A particle's look where it was met: of a billboard with a texture, that point's.
-    pub(super) fn spray_look(&self, part: &Part, index: u32, primitive: u32, contact: &Contact) -> SprayLook {
+    /// A particle's look where a ray along `direction` has met it: of a billboard with a texture, that point's; of balls and
+    /// streaks as opaque as what the ray passes of them.
+    pub(super) fn spray_look(
+        &self,
+        part: &Part,
+        index: u32,
+        primitive: u32,
+        contact: &Contact,
+        direction: Vec3,
+    ) -> SprayLook {
         let mut look = self.matter.spray(index);
+        if matches!(part.shape, Shape::Spheres(_) | Shape::Curves(_)) {
+            // Finer drops whose density falls from the middle as 1 - (distance / radius)^2: along a chord of half length c
+            // (in radii) there are c^3 times as many as through the middle. Light falls as Beer and Lambert have it.
+            let chord = direction.dot(contact.normal).abs().min(1.0);
+            let drops = 1.0 - self.softness * (1.0 - chord * chord * chord);
+            look.opacity = 1.0 - (1.0 - look.opacity).powf(drops);
+        }
+        look.opacity *= look.share;
         if let Shape::Discs(discs) = &part.shape {
             let offset = contact.position - discs.center[primitive as usize];
             let axis = contact.normal;

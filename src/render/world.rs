@@ -37,8 +37,10 @@ pub struct GroundLook {
 pub struct SprayLook {
     /// Linear Rec.709 albedo.
     pub albedo: Vec3,
-    /// Share of the light that it stops, 0..1.
+    /// Share of the light that it stops, 0..1: through its middle.
     pub opacity: f32,
+    /// Factor on what it stops anywhere, 0..1.
+    pub share: f32,
     /// Velocity (m/s).
     pub velocity: Vec3,
 }
@@ -272,6 +274,8 @@ pub(super) struct World<'a> {
     pub(super) mist: Option<&'a Mist>,
     /// Drops scatter light as water does.
     pub(super) bow: Option<Bow<'a>>,
+    /// 1 where balls and streaks of spray stop less light towards their edges, 0 where they do so evenly.
+    pub(super) softness: f32,
     /// Mean radiance of the sky and the far ground, all around.
     pub(super) mean_sky: Vec3,
     /// What Cryptomatte tells apart.
@@ -359,6 +363,7 @@ impl<'a> World<'a> {
             most_bubbles: matter.most_bubbles(),
             mist,
             things,
+            softness: scene.particles.softness as f32,
             bow: matter.rainbow().filter(|_| scene.particles.rainbow > 0.0).map(|rainbow| Bow {
                 rainbow,
                 share: scene.particles.rainbow as f32,

@@ -263,6 +263,10 @@ pub struct Particles {
     /// Opacity of young spray.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub opacity: f64,
+    /// 1: balls and streaks are of finer drops, most of them in the middle, and stop less light towards their edges; 0: as much
+    /// everywhere.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub softness: f64,
     /// Age (s) by which opacity has fallen to 1/e.
     #[schemars(range(min = 0.001, max = 1000000000.0))]
     pub fade_age: f64,
@@ -315,6 +319,7 @@ impl Default for Particles {
             fast_albedo: [0.94, 0.96, 0.97],
             fast_speed: 4.0,
             opacity: 0.9,
+            softness: 1.0,
             fade_age: 2.0,
             classes: Classes::default(),
             sheet: Sheet::default(),

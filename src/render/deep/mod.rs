@@ -259,27 +259,25 @@ impl World<'_> {
         let distance = way.behind + t;
         let ends = match &part.material {
             Material::Spray { first } => {
-                let key = (number, primitive);
                 let flat = matches!(part.shape, Shape::Discs(_));
-                let entered = way.within.iter().position(|(part, particle, ..)| (*part, *particle) == key);
-                match entered {
-                    // Where it leaves a ball, the span is known.
+                // Where it leaves a ball, the span is known.
+                match way.within.iter().position(|&(part, particle, ..)| (part, particle) == (number, primitive)) {
                     Some(index) if outward && !flat => {
                         let (.., front, opacity) = way.within.swap_remove(index);
                         note(Kind::Spray, front, depth, opacity);
                     }
+                    // It began inside: there is no span, and what it has passed stops nothing.
+                    _ if outward && !flat => {}
                     _ => {
-                        let opacity = self.spray_look(part, first + primitive, primitive, &contact).opacity;
-                        // From inside of one, or of a disc, there is no span; what lets nothing through is a surface.
-                        if flat || outward || opacity >= 1.0 {
-                            let opacity = if outward && !flat { 0.0 } else { opacity };
+                        let opacity =
+                            self.spray_look(part, first + primitive, primitive, &contact, way.direction).opacity;
+                        // What is flat, or lets nothing through, is a surface.
+                        if flat || opacity >= 1.0 {
                             note(Kind::Spray, depth, depth, opacity);
                         } else {
                             way.within.push((number, primitive, depth, opacity));
                         }
-                        if !outward || flat {
-                            way.left *= 1.0 - opacity;
-                        }
+                        way.left *= 1.0 - opacity;
                     }
                 }
                 way.left < LEAST

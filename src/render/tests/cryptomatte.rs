@@ -80,7 +80,7 @@ fn spray_that_lets_light_through_shares_the_pixel_with_what_is_behind() {
         let mut scene = uniform(1.0, 8);
         scene.render.integrator = integrator;
         scene.render.samples = 64;
-        scene.camera.fov = 5.0;
+        (scene.camera.fov, scene.particles.softness) = (5.0, 0.0);
         let parts = vec![
             part("spray", Material::Spray { first: 0 }, ball(Vec3::ZERO, 1.0)),
             part("panel_0", Material::Diffuse(Vec3::splat(0.5)), mesh(level(-3.0, 50.0))),

@@ -20,7 +20,7 @@ fn near(value: f32, expected: f64, room: f64) -> bool {
 fn ball_and_wall(integrator: Integrator) -> Setup {
     let mut scene = uniform(0.7, 24);
     (scene.render.integrator, scene.render.samples, scene.camera.fov) = (integrator, 32, 20.0);
-    scene.sky.visible = false;
+    (scene.sky.visible, scene.particles.softness) = (false, 0.0);
     (scene.sun.irradiance, scene.sun.elevation, scene.sun.azimuth) = (1.0, 30.0, 150.0);
     let wall = Triangles {
         position: vec![
@@ -37,7 +37,7 @@ fn ball_and_wall(integrator: Integrator) -> Setup {
         part("wall", Material::Diffuse(Vec3::new(0.5, 0.4, 0.3)), mesh(wall)),
     ];
     let mut setup = Setup::new(scene, parts, [0.0, 0.0, 9.0], [0.0; 3]);
-    setup.matter.spray = SprayLook { albedo: Vec3::splat(0.8), opacity: 0.75, velocity: Vec3::ZERO };
+    setup.matter.spray = SprayLook { albedo: Vec3::splat(0.8), opacity: 0.75, share: 1.0, velocity: Vec3::ZERO };
     setup
 }
 

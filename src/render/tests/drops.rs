@@ -3,7 +3,7 @@
 
 use super::*;
 use crate::{
-    lower::Discs,
+    lower::{Curves, Discs, Spheres},
     optics::{Phase, Sun},
     scene::{Integrator, Light},
 };
@@ -18,7 +18,7 @@ fn billboards(center: &[Vec3], radius: f32, normal: Option<Vec3>) -> Part {
 
 /// Spray that is black: it stops the light behind it and gives none.
 fn black(opacity: f32) -> SprayLook {
-    SprayLook { albedo: Vec3::ZERO, opacity, velocity: Vec3::ZERO }
+    SprayLook { albedo: Vec3::ZERO, opacity, share: 1.0, velocity: Vec3::ZERO }
 }
 
 /// How much of the light of all pixels is gone, counted in pixels.
@@ -49,6 +49,39 @@ fn in_water(mirrored: bool, normal: Option<Vec3>, opacity: f32, texture: Option<
         (setup.matter.spray, setup.matter.texture) = (black(opacity), texture);
         setup
     })
+}
+
+#[test]
+fn a_soft_ball_stops_what_the_drops_on_each_way_through_it_stop() {
+    let ball = |softness: f64, streak: bool, share: f32| {
+        missing(|there| {
+            let mut scene = uniform(1.0, 64);
+            (scene.camera.fov, scene.render.samples, scene.particles.softness) = (3.0, 64, softness);
+            let (center, radius) = (vec![Vec3::ZERO], vec![0.2]);
+            let shape = if streak {
+                Shape::Curves(Arc::new(Curves { ends: vec![[Vec3::ZERO; 2]], radius: vec![[0.2; 2]] }))
+            } else {
+                Shape::Spheres(Arc::new(Spheres { center, radius }))
+            };
+            let parts = if there { vec![part("spray", Material::Spray { first: 0 }, shape)] } else { Vec::new() };
+            let mut setup = Setup::new(scene, parts, [0.0, 0.0, 10.0], [0.0; 3]);
+            setup.matter.spray = SprayLook { share, ..black(0.9) };
+            setup
+        })
+    };
+    let hard = ball(0.0, false, 1.0);
+    // Over a disc of radius 1 the half chord c is met with density 2 c: the mean of 1 - (1 - 0.9)^(c^3), by midpoints.
+    let steps = 10_000_u32;
+    let c = |k: u32| (f64::from(k) + 0.5) / f64::from(steps);
+    let stopped: f64 =
+        (0..steps).map(|k| (1.0 - 0.1_f64.powf(c(k).powi(3))) * 2.0 * c(k)).sum::<f64>() / f64::from(steps);
+    for streak in [false, true] {
+        let soft = ball(1.0, streak, 1.0);
+        assert!((soft / hard / (stopped / 0.9) - 1.0).abs() < 0.01, "{streak}: {soft} of {hard}");
+        // What is drawn wider is as soft, and stops its share.
+        let faint = ball(1.0, streak, 0.25);
+        assert!((faint / soft - 0.25).abs() < 0.003, "{streak}: {faint} of {soft}");
+    }
 }
 
 #[test]
@@ -125,7 +158,7 @@ fn a_billboard_does_not_shade_itself() {
             scene.light = vec![Light::point([40.0, 0.0, 40.0], [1000.0; 3])];
             let parts = vec![billboards(&[Vec3::ZERO], 1.0, normal)];
             let mut setup = Setup::new(scene, parts, [0.0, 0.0, 12.0], [0.0; 3]);
-            setup.matter.spray = SprayLook { albedo: Vec3::ONE, opacity: 1.0, velocity: Vec3::ZERO };
+            setup.matter.spray = SprayLook { albedo: Vec3::ONE, opacity: 1.0, share: 1.0, velocity: Vec3::ZERO };
             mean(&setup.render().0, "G")
         };
         let (facing, fixed) = (seen(None), seen(Some(Vec3::Z)));
@@ -142,7 +175,7 @@ fn drops(integrator: Integrator, samples: u32, share: f64) -> Setup {
     scene.particles.rainbow = share;
     let parts = vec![part("spray", Material::Spray { first: 0 }, ball(Vec3::ZERO, 1.0))];
     let mut setup = Setup::new(scene, parts, [0.0, 0.0, 9.0], [0.0; 3]);
-    setup.matter.spray = SprayLook { albedo: Vec3::splat(0.8), opacity: 1.0, velocity: Vec3::ZERO };
+    setup.matter.spray = SprayLook { albedo: Vec3::splat(0.8), opacity: 1.0, share: 1.0, velocity: Vec3::ZERO };
     (setup.matter.drop_radius, setup.matter.rainbow) = (Some(RADIUS), Some(Rainbow::build(0.1)));
     setup
 }

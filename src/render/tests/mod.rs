@@ -45,7 +45,8 @@ pub(super) struct Flat {
 
 impl Default for Flat {
     fn default() -> Self {
-        let spray = SprayLook { albedo: Vec3::splat(0.8), opacity: 0.7, velocity: Vec3::new(3.0, 1.0, 0.5) };
+        let spray =
+            SprayLook { albedo: Vec3::splat(0.8), opacity: 0.7, share: 1.0, velocity: Vec3::new(3.0, 1.0, 0.5) };
         Self {
             water: None,
             bed: None,

@@ -190,7 +190,7 @@ fn more_samples_than_a_chunk_and_hundreds_of_coincident_droplets_end() {
     let droplets = Spheres { center: vec![Vec3::ZERO; 300], radius: vec![0.2; 300] };
     let parts = vec![part("spray", Material::Spray { first: 0 }, Shape::Spheres(Arc::new(droplets)))];
     let mut setup = Setup::new(scene, parts, [0.0, 0.0, 2.0], [0.0; 3]);
-    setup.matter.spray = SprayLook { albedo: Vec3::ONE, opacity: 1e-4, velocity: Vec3::ZERO };
+    setup.matter.spray = SprayLook { albedo: Vec3::ONE, opacity: 1e-4, share: 1.0, velocity: Vec3::ZERO };
     let (picture, _) = setup.render();
     // White droplets under a uniform sky of 1: in front of it, behind it or anything between, it stays 1.
     assert!((samples(&picture, "R")[0] - 1.0).abs() < 1e-3, "{}", samples(&picture, "R")[0]);

@@ -50,7 +50,7 @@ fn picture(scene: &Scene, moments: Vec<LoweredFrame>) -> (Picture, RenderStats) 
     let mut setup = Setup::new(scene.clone(), first.lowered.parts, EYE, [0.0; 3]);
     setup.later = parts.map(|moment| moment.lowered).collect();
     setup.matter.mist = first.mist.as_deref().cloned();
-    setup.matter.spray = SprayLook { albedo: Vec3::ONE, opacity: 1.0, velocity: Vec3::ZERO };
+    setup.matter.spray = SprayLook { albedo: Vec3::ONE, opacity: 1.0, share: 1.0, velocity: Vec3::ZERO };
     setup.threads = 2;
     setup.render()
 }

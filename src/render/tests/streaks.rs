@@ -26,7 +26,7 @@ fn setup(integrator: crate::scene::Integrator, radius: f32, samples: u32) -> Set
         [0.0, 0.0, 30.0],
         [0.0; 3],
     );
-    setup.matter.spray = SprayLook { albedo: Vec3::ONE, opacity: 1.0, velocity: Vec3::ZERO };
+    setup.matter.spray = SprayLook { albedo: Vec3::ONE, opacity: 1.0, share: 1.0, velocity: Vec3::ZERO };
     setup
 }
 
@@ -59,7 +59,7 @@ fn light_through_a_streak_is_thinned_once() {
             let mut scene = uniform(0.0, 8);
             scene.render.integrator = integrator;
             scene.render.samples = 16;
-            scene.camera.fov = 1.0;
+            (scene.camera.fov, scene.particles.softness) = (1.0, 0.0);
             scene.light = vec![crate::scene::Light::point([0.0, 6.0, 0.0], [5.0; 3])];
             let curves =
                 Curves { ends: vec![[Vec3::new(-1.0, 4.0, 0.0), Vec3::new(1.0, 4.0, 0.0)]], radius: vec![[0.5, 0.4]] };
@@ -68,7 +68,7 @@ fn light_through_a_streak_is_thinned_once() {
                 part("streaks", Material::Spray { first: 0 }, Shape::Curves(Arc::new(curves))),
             ];
             let mut setup = Setup::new(scene, parts, [0.0, 1.0, 6.0], [0.0; 3]);
-            setup.matter.spray = SprayLook { albedo: Vec3::ZERO, opacity, velocity: Vec3::ZERO };
+            setup.matter.spray = SprayLook { albedo: Vec3::ZERO, opacity, share: 1.0, velocity: Vec3::ZERO };
             mean(&setup.render().0, "G")
         };
         let (clear, thinned) = (light(0.0), light(0.7));
