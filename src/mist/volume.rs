@@ -164,7 +164,7 @@ impl Volume {
             let to_file = |corner: IVec3| axes * corner.as_dvec3() + start;
             let bricks = volume.velocity.par_chunks_exact_mut(VALUES).zip(values.par_chunks_exact(VALUES));
             bricks.zip(&mut means).zip(&place).for_each(|(((velocities, values), mean), place)| {
-                *mean = sampled(velocities, values, *place * SIDE, &velocity, |corner| to_file(corner), turn);
+                *mean = sampled(velocities, values, *place * SIDE, &velocity, to_file, turn);
             });
             let (mut sum, mut all) = (DVec3::ZERO, 0.0);
             for (velocity, value) in volume.velocity.iter().zip(&values) {
