@@ -1,6 +1,8 @@
 // Makes the OpenVDB files in tests/data/volumes with OpenVDB itself, so that another writer than our reader's library has
 // written them. Debian: libopenvdb-dev (10.0).
 //
+// With a second folder it also makes cloud.vdb there: a bank of mist for scenes/small (docs/spray.md).
+//
 //     g++ -std=c++17 -O1 scripts/make-volumes.cpp -lopenvdb -ltbb -lImath -o make-volumes && ./make-volumes tests/data/volumes
 #include <cmath>
 #include <limits>
@@ -37,9 +39,36 @@ void write(const std::string& path, const GridPtrVec& grids, uint32_t compressio
     file.write(grids);
 }
 
+// A bank of mist, 8 m by 1.6 m by 8 m in voxels of 0.1 m, denser below, torn at its top; it drifts east.
+void cloud(const std::string& path, const Vec3d& low) {
+    auto density = FloatGrid::create(0.0f);
+    density->setName("density");
+    density->setGridClass(GRID_FOG_VOLUME);
+    density->setSaveFloatAsHalf(true);
+    auto at = density->getAccessor();
+    for (int x = 0; x < 80; ++x)
+        for (int y = 0; y < 16; ++y)
+            for (int z = 0; z < 80; ++z) {
+                double top = 7.0, size = 4.0;
+                for (int octave = 1; octave <= 4; ++octave, size /= 2)
+                    top += size * std::sin(x * 0.55 / size + 1.7 * octave + std::cos(z * 0.31 / size)) *
+                           std::cos(z * 0.43 / size - octave + std::sin(y * 0.2 / size));
+                const double edge = std::min({x, 79 - x, z, 79 - z, 12}) / 12.0;
+                const double value = edge * std::max(0.0, 1.0 - y / std::max(top, 1.0));
+                if (value > 0.0) at.setValue(Coord(x, y, z), float(value));
+            }
+    auto placing = math::Transform::createLinearTransform(0.1);
+    placing->postTranslate(low);
+    density->setTransform(placing);
+    auto velocity = block<Vec3SGrid>("velocity", Vec3s(1.5f, 0.0f, 0.0f), CoordBBox(0, 0, 0, 79, 15, 79));
+    velocity->setTransform(placing);
+    write(path, {density, velocity}, io::COMPRESS_BLOSC | io::COMPRESS_ACTIVE_MASK);
+}
+
 int main(int count, char** arguments) {
-    if (count != 2) return 2;
+    if (count < 2) return 2;
     initialize();
+    if (count > 2) cloud(std::string(arguments[2]) + "/cloud.vdb", Vec3d(20.0, -1.5, -4.0));
     const std::string folder = std::string(arguments[1]) + "/";
 
     // One ball in four codings: voxels of 0.1 m, the middle at (2.2, 3.2, 4.2) m, which flies at (3, 0, -1) m/s.
