@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use anyhow::Context;
 
 use super::errors::CliError;
-use crate::lower::Environment;
+use crate::lower::{Environment, Volume};
 use crate::scene::LoadedScene;
-use crate::state::{self, Frame, FrameSequence, Model, StateError};
+use crate::state::{self, Frame, FramePattern, FrameSequence, Model, StateError};
 
 /// The scene's frames by number.
 ///
@@ -71,4 +71,41 @@ pub fn environment(loaded: &LoadedScene, frames: &FrameSequence) -> Result<Envir
     };
     let meshes: Vec<PathBuf> = environment.meshes.iter().map(|mesh| loaded.resolve(mesh)).collect();
     Ok(Environment::load(&model, &directory, &meshes).map_err(anyhow::Error::from)?)
+}
+
+/// The file of a frame's mist (`mist.file`), if the scene has one.
+///
+/// # Errors
+/// There is none of that number.
+pub fn mist_file(loaded: &LoadedScene, number: i64) -> Result<Option<PathBuf>, CliError> {
+    let Some(file) = &loaded.scene.mist.file else { return Ok(None) };
+    if !file.contains('#') {
+        let path = loaded.resolve(file);
+        if !path.is_file() {
+            return Err(
+                anyhow::anyhow!("mist.file: there is no file {}; expected an OpenVDB file", path.display()).into()
+            );
+        }
+        return Ok(Some(path));
+    }
+    let existing = FramePattern::new(file, &loaded.directory).and_then(|pattern| pattern.existing());
+    let mut existing = existing.context("mist.file").map_err(CliError::from)?;
+    existing.sort();
+    if let Some((_, path)) = existing.iter().find(|(of, _)| *of == number) {
+        return Ok(Some(path.clone()));
+    }
+    let has = match (existing.first(), existing.last()) {
+        (Some((first, _)), Some((last, _))) => format!("{file} has {first} to {last}"),
+        _ => format!("no file is named {file} in {}", loaded.directory.display()),
+    };
+    Err(anyhow::anyhow!("mist.file: there is none for frame {number}; {has}").into())
+}
+
+/// A frame's mist from its file, if the scene has one.
+///
+/// # Errors
+/// There is none of that number, or it is damaged or no mist.
+pub fn volume(loaded: &LoadedScene, number: i64) -> Result<Option<Volume>, CliError> {
+    let Some(path) = mist_file(loaded, number)? else { return Ok(None) };
+    Ok(Some(Volume::read(&path, &loaded.scene.mist).map_err(anyhow::Error::from)?))
 }

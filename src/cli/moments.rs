@@ -11,7 +11,7 @@ use super::render::MatterOfFrame;
 use super::values::Bytes;
 use crate::accel::{self, Accelerator};
 use crate::foam::FoamState;
-use crate::lower::{self, Environment, LoweredFrame, Thinning, View};
+use crate::lower::{self, Environment, LoweredFrame, Thinning, View, Volume};
 use crate::render::{Camera, CameraPath};
 use crate::scene::{self, LoadedScene};
 use crate::simd::SimdLevel;
@@ -88,7 +88,9 @@ impl MomentOfFrame {
         path: &CameraPath,
         simd: SimdLevel,
         budget: Option<u64>,
+        volume: Option<&Volume>,
     ) -> Result<Vec<Self>, CliError> {
+        let budget = lower::within_budget(volume, budget, states.len()).map_err(anyhow::Error::from)?;
         let size = (settings.render.width, settings.render.height);
         let Some((_, first)) = states.first() else { return Ok(Vec::new()) };
         // The film adds up samples of all moments: they must speak of one local frame.
@@ -97,8 +99,11 @@ impl MomentOfFrame {
             let camera = Camera::new(path.pose(number as f64 + time), size, settings.camera.f_number)
                 .with_pixel_aspect(settings.camera.pixel_aspect);
             let view = View { eye: camera.pose.eye, pixel_angle: camera.pixel_angle() };
-            let lowered = lower::lower_within(budget, origin, settings, state, environment, Some(view), simd)
+            let mut lowered = lower::lower_within(budget, origin, settings, state, environment, Some(view), simd)
                 .map_err(anyhow::Error::from)?;
+            if let Some(volume) = volume {
+                lowered.add_volume(volume, time / settings.frames.fps).map_err(anyhow::Error::from)?;
+            }
             let accelerator = accel::build(&lowered.lowered, &settings.accel, simd).map_err(anyhow::Error::from)?;
             let matter = MatterOfFrame::new(settings, state, &lowered, foam);
             Ok(Self { time: *time, lowered, accelerator, matter })
@@ -215,7 +220,8 @@ mod tests {
         let states = [(0.0, first.clone()), (0.5, risen)];
         let settings = &loaded.scene;
         let build = |states: &[_]| {
-            MomentOfFrame::build_all(states, None, 0, settings, &environment, &path, SimdLevel::Portable, None).unwrap()
+            let simd = SimdLevel::Portable;
+            MomentOfFrame::build_all(states, None, 0, settings, &environment, &path, simd, None, None).unwrap()
         };
         let moments = build(&states);
         assert_eq!(moments[0].lowered.lowered.origin, moments[1].lowered.lowered.origin);

@@ -164,6 +164,9 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
         )
         .into());
     }
+    for &number in &numbers {
+        load::mist_file(&loaded, number)?;
+    }
     let mut outputs = arguments.output.clone();
     // Several frames under one name would overwrite one another.
     for output in &mut outputs {
@@ -329,6 +332,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
     }
     let clock = Instant::now();
     let states = moments::states(&run.loaded, &run.frames, number)?;
+    let volume = load::volume(&run.loaded, number)?;
     let load_s = clock.elapsed().as_secs_f64();
 
     let clock = Instant::now();
@@ -344,8 +348,9 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         &run.path,
         run.simd,
         budget,
+        volume.as_ref(),
     )?;
-    drop(states);
+    drop((states, volume));
     let first = moments.first().context("a frame has a moment")?;
     let build_s = clock.elapsed().as_secs_f64();
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::{Lowered, Material, Part, Shape, Spheres, Thinning, Triangles, spray};
-use crate::mist::{Mist, MistError};
+use crate::mist::{Mist, MistError, VolumeError};
 use crate::particles::{self, Spray};
 use crate::scene::{Representation, Scene};
 use crate::simd::SimdLevel;
@@ -42,6 +42,9 @@ pub enum LowerError {
     /// The mist takes too much memory, or no light gets into it.
     #[error(transparent)]
     Mist(#[from] MistError),
+    /// A file's mist.
+    #[error(transparent)]
+    Volume(#[from] VolumeError),
     /// What cannot be thinned does not fit.
     #[error(
         "--memory: water, terrain, picture and what cannot be thinned of the spray take at least {} MB; expected at most \
@@ -121,7 +124,7 @@ pub struct LoweredFrame {
     pub bed: Option<Arc<SplineSurface>>,
     /// The spray that is drawn.
     pub spray: Arc<Spray>,
-    /// The spray that is a medium in the air; `None` unless the scene asks for it.
+    /// The medium in the air: spray, and what a file holds; `None` unless the scene asks for it.
     pub mist: Option<Arc<Mist>>,
     /// How many particles are drawn for how many.
     pub thinning: Thinning,

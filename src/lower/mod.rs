@@ -3,12 +3,16 @@
 mod frame;
 mod memory;
 mod spray;
+mod volume;
 
 pub use frame::{
     Environment, LowerError, LoweredFrame, TERRAIN_SIDES, View, lower, lower_within, points_to_frame, scene_origin,
 };
 
 pub use spray::{Thinning, class_counts};
+pub use volume::within_budget;
+
+pub use crate::mist::Volume;
 
 use std::sync::Arc;
 

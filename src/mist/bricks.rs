@@ -62,9 +62,14 @@ pub(super) struct Ray {
 }
 
 impl Ray {
+    #[cfg(test)]
     pub(super) fn new(origin: Vec3, direction: Vec3, voxel: f32) -> Self {
-        let direction = direction / voxel;
-        Self { origin: origin / voxel, direction, inverse: direction.recip() }
+        Self::in_voxels(origin / voxel, direction / voxel)
+    }
+
+    /// From an origin (voxels), by so many voxels to a metre.
+    pub(super) fn in_voxels(origin: Vec3, direction: Vec3) -> Self {
+        Self { origin, direction, inverse: direction.recip() }
     }
 
     #[inline]
@@ -182,6 +187,11 @@ impl Bricks {
         self.place.is_empty()
     }
 
+    /// Places, in bricks.
+    pub(super) fn places(&self) -> &[IVec3] {
+        &self.place
+    }
+
     pub(super) fn bytes(&self) -> u64 {
         let tables: usize = self.levels.iter().map(|tables| size_of_val(tables.as_slice())).sum();
         self.place.len() as u64 * BRICK_BYTES + (tables + size_of_val(self.root.as_slice())) as u64
@@ -290,6 +300,21 @@ impl Bricks {
         let far = between(value(0, 1), value(1, 1), share.y);
         // Rounding alone would leave the range.
         between(near, far, share.z).clamp(0.0, self.most[brick as usize])
+    }
+
+    /// What the corners of a brick's voxel around a point (voxels) have, linear between them; `values` has one of each corner.
+    pub(super) fn between(&self, values: &[Vec3], brick: u32, point: Vec3) -> Vec3 {
+        let place = (self.place[brick as usize] * SIDE).as_vec3();
+        let local = (point - place).clamp(Vec3::ZERO, Vec3::splat(SIDE as f32));
+        let voxel = local.floor().min(Vec3::splat(SIDE as f32 - 1.0));
+        let share = local - voxel;
+        let [x, y, z] = voxel.to_array().map(|place| place as usize);
+        let first = brick as usize * VALUES + (z * CORNERS + y) * CORNERS + x;
+        let row = |dy: usize, dz: usize| {
+            let at = first + (dz * CORNERS + dy) * CORNERS;
+            values[at].lerp(values[at + 1], share.x)
+        };
+        row(0, 0).lerp(row(1, 0), share.y).lerp(row(0, 1).lerp(row(1, 1), share.y), share.z)
     }
 
     /// The value where a ray is, `t` metres on, in a brick.

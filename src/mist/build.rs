@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::{
     BUDGET, DENSEST, Droplets, Mist, MistError, MistSettings,
     bricks::{BRICK_BYTES, Bricks, CORNERS, SIDE, VALUES},
+    grid::Grid,
     kernel::{PER_DEVIATION, Shares, corners, cross_section},
 };
 
@@ -53,8 +54,7 @@ impl Mist {
         budget: u64,
     ) -> Result<Self, MistError> {
         let voxel = settings.width / (2.0 * PER_DEVIATION);
-        let mut mist =
-            Self { voxel: voxel as f32, bricks: Bricks::default(), particles: 0, without_mass: 0, out_of_range: 0 };
+        let mut mist = Self::default();
         let mut clouds = Vec::with_capacity(droplets.mass.len());
         for (number, (position, &mass)) in droplets.position.iter().zip(droplets.mass).enumerate() {
             let velocity = droplets.velocity.get(number).map_or(Vec3::ZERO, |&v| DVec3::from_array(v).as_vec3());
@@ -117,7 +117,8 @@ impl Mist {
         if !(densest <= DENSEST) {
             return Err(MistError::TooDense { extinction: densest });
         }
-        mist.bricks = Bricks::new(bricks.iter().map(|&[z, y, x]| IVec3::new(x, y, z)).collect(), values, velocities);
+        let bricks = Bricks::new(bricks.iter().map(|&[z, y, x]| IVec3::new(x, y, z)).collect(), values, velocities);
+        mist.grids.push(Grid::even(voxel as f32, bricks));
         Ok(mist)
     }
 }

@@ -2,19 +2,26 @@
 //! ways of light through it.
 //!
 //! `kernel` says what a particle is worth, `build` fills the grid, `bricks` holds it and finds what a ray crosses,
-//! `tracking` walks light through it. Into which directions mist scatters, and the light that reaches it, are the
+//! `tracking` walks light through it. `vdb` reads a file's density, `volume` makes a grid of it, and `sum` walks light
+//! through both. Into which directions mist scatters, and the light that reaches it, are the
 //! integrators' matter.
 
 mod bricks;
 mod build;
+mod grid;
 mod kernel;
+mod sum;
 #[cfg(test)]
 mod tests;
 mod tracking;
+mod vdb;
+mod volume;
+#[cfg(test)]
+mod volume_tests;
 
-use bricks::Bricks;
-
+pub use grid::Grid;
 pub use kernel::cross_section;
+pub use volume::{Volume, VolumeError};
 
 /// Bytes that one moment's mist may take: a twelfth of a machine with 24 GB, 700,000 bricks.
 pub const BUDGET: u64 = 2 << 30;
@@ -81,12 +88,12 @@ pub struct Droplets<'a> {
     pub mass: &'a [f64],
 }
 
-/// Extinction of a frame's mist in the local frame (m): values at the voxels' corners, linear along each axis between them.
-#[derive(Clone, Debug)]
+/// Extinction of a frame's mist in the local frame (m): values at the voxels' corners, linear along each axis between them; the
+/// sum of its grids.
+#[derive(Clone, Debug, Default)]
 pub struct Mist {
-    /// Width of a voxel (m).
-    voxel: f32,
-    bricks: Bricks,
+    /// That of the particles, that of a file; a mist has either or both.
+    grids: Vec<Grid>,
     /// Particles in it.
     pub particles: u64,
     /// Particles left out because they hold no water (no mass, or a scale of 0).
@@ -96,18 +103,24 @@ pub struct Mist {
 }
 
 impl Mist {
+    /// The same mist and another grid's.
+    pub fn and(mut self, grid: Grid) -> Self {
+        self.grids.push(grid);
+        self
+    }
+
     /// Whether there is none anywhere.
     pub fn is_empty(&self) -> bool {
-        self.bricks.is_empty()
+        self.grids.iter().all(|grid| grid.bricks.is_empty())
     }
 
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
-        self.bricks.bytes()
+        self.grids.iter().map(Grid::bytes).sum()
     }
 
-    /// Width of a voxel (m).
+    /// Least width of a voxel (m); 0 where there is none.
     pub fn voxel(&self) -> f32 {
-        self.voxel
+        self.grids.iter().map(Grid::voxel).reduce(f32::min).unwrap_or(0.0)
     }
 }

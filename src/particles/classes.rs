@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use crate::scene;
 
-use super::neighbours::{Nearness, Neighbours};
+use super::neighbours::{Nearness, nearness};
 
 /// What a particle can be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
@@ -72,13 +72,13 @@ pub struct Judged<'a> {
 /// Neighbours are found within [`scene::Classes::reach`] mean radii, in O(n log n).
 pub fn shares(particles: &Judged, settings: &scene::Classes, depth: impl Fn(Vec3) -> f32 + Sync) -> Vec<Shares> {
     let reach = settings.reach as f32 * mean_radius(particles.radius);
-    let neighbours = Neighbours::new(particles.position, reach);
-    (0..particles.position.len())
-        .into_par_iter()
-        .map(|index| {
+    let near = nearness(particles.position, reach);
+    near.into_par_iter()
+        .enumerate()
+        .map(|(index, near)| {
             let (position, radius) = (particles.position[index], particles.radius[index]);
             let flown = particles.velocity[index].length() * particles.exposure;
-            judge(radius, flown, depth(position), neighbours.near(index), settings)
+            judge(radius, flown, depth(position), near, settings)
         })
         .collect()
 }

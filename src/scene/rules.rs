@@ -171,6 +171,7 @@ impl Rules<'_> {
         let sky = &scene.sky;
         let single = [
             ("environment.model", &scene.environment.model),
+            ("mist.file", &scene.mist.file),
             ("sky.image", &sky.image),
             ("sky.above", &sky.above),
             ("sky.below", &sky.below),

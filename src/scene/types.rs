@@ -7,7 +7,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Billboard, Classes, Deep, DropMatter, Foam, Light, Render, Sheet, Simulation, Water};
+use super::{Billboard, Classes, Deep, DropMatter, Foam, Light, Mist, Render, Sheet, Simulation, Water};
 
 /// A whole scene file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -25,6 +25,8 @@ pub struct Scene {
     pub foam: Foam,
     /// Spray.
     pub particles: Particles,
+    /// Mist from files.
+    pub mist: Mist,
     /// The look of the bed and the banks.
     pub terrain: Terrain,
     /// The eye.
