@@ -298,7 +298,7 @@ pub struct MovieArgs {
     /// Frames per second
     #[arg(long, value_name = "N", default_value_t = 24.0, value_parser = frames_per_second)]
     pub fps: f64,
-    /// Curve for EXR: filmic or srgb
+    /// Curve for EXR: filmic, srgb or aces
     #[arg(long, value_name = "NAME", default_value = "filmic", value_parser = names("output.view"))]
     pub view: String,
     /// Stops of exposure for EXR

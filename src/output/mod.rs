@@ -40,7 +40,7 @@ pub use exr_read::{Encoding, encoding_of, read_exr};
 pub use oiio::{OiioPart, read_with_oiio};
 pub use portion::Portion;
 pub use video::{MovieOptions, MovieReport, write_movie};
-pub use view::{display_value, filmic, srgb_encode};
+pub use view::{aces, display_values, filmic, srgb_encode};
 pub use views::{EYES, pair};
 
 use crate::scene::{Colorspace, Compression, Profile, View, Writer};

@@ -659,6 +659,8 @@ pub enum View {
     Filmic,
     /// Clipped, then sRGB.
     Srgb,
+    /// A fit of the Academy's (ACES) transforms, then sRGB.
+    Aces,
 }
 
 /// `[output]`.
@@ -671,7 +673,7 @@ pub struct Output {
     pub compression: Compression,
     /// `rec709` or `acescg`: primaries of the colours of EXR.
     pub colorspace: Colorspace,
-    /// `filmic` or `srgb`, for PNG, JPEG and BMP.
+    /// `filmic`, `srgb` or `aces`, for PNG, JPEG and BMP.
     pub view: View,
     /// Stops of exposure for PNG, JPEG and BMP.
     #[schemars(range(min = -100.0, max = 100.0))]
