@@ -16,6 +16,7 @@ use crate::render::{Camera, CameraPath};
 use crate::scene::{self, LoadedScene};
 use crate::simd::SimdLevel;
 use crate::state::{self, Frame, FrameSequence};
+use crate::terrain::GroundTexture;
 
 /// Everything that can be hit at one moment, with its looks.
 pub(super) struct MomentOfFrame {
@@ -88,6 +89,7 @@ impl MomentOfFrame {
         path: &CameraPath,
         simd: SimdLevel,
         budget: Option<u64>,
+        ground_texture: Option<&GroundTexture>,
     ) -> Result<Vec<Self>, CliError> {
         let size = (settings.render.width, settings.render.height);
         let Some((_, first)) = states.first() else { return Ok(Vec::new()) };
@@ -100,7 +102,7 @@ impl MomentOfFrame {
             let lowered = lower::lower_within(budget, origin, settings, state, environment, Some(view), simd)
                 .map_err(anyhow::Error::from)?;
             let accelerator = accel::build(&lowered.lowered, &settings.accel, simd).map_err(anyhow::Error::from)?;
-            let matter = MatterOfFrame::new(settings, state, &lowered, foam);
+            let matter = MatterOfFrame::new(settings, state, &lowered, foam, ground_texture);
             Ok(Self { time: *time, lowered, accelerator, matter })
         };
         let moments: Result<Vec<Self>, CliError> = states.iter().map(moment).collect();
@@ -215,7 +217,8 @@ mod tests {
         let states = [(0.0, first.clone()), (0.5, risen)];
         let settings = &loaded.scene;
         let build = |states: &[_]| {
-            MomentOfFrame::build_all(states, None, 0, settings, &environment, &path, SimdLevel::Portable, None).unwrap()
+            MomentOfFrame::build_all(states, None, 0, settings, &environment, &path, SimdLevel::Portable, None, None)
+                .unwrap()
         };
         let moments = build(&states);
         assert_eq!(moments[0].lowered.lowered.origin, moments[1].lowered.lowered.origin);

@@ -19,6 +19,7 @@ use super::stats::{FrameStats, RunStats, part_names};
 use super::values::Bytes;
 use crate::denoise::{DenoiseReport, Denoiser};
 use crate::foam::{FoamField, FoamState};
+use crate::images::TextureMemory;
 use crate::lower::{self, Environment, LoweredFrame};
 use crate::optics::{Rainbow, Sky};
 use crate::output::{self, Claim, DeepPicture, Metadata, Picture, Window, WriteOptions, WriteReport, layers, naming};
@@ -28,7 +29,7 @@ use crate::scene::{self, LoadedScene, Overscan};
 use crate::simd::SimdLevel;
 use crate::state::{Columns, Frame, FrameSequence};
 use crate::surface::{SplineSurface, control};
-use crate::terrain::{Ground, SkyView, Waterline};
+use crate::terrain::{Ground, GroundTexture, PlacedTexture, SkyView, Waterline};
 
 /// What all frames of a run share.
 struct Run<'a> {
@@ -44,6 +45,8 @@ struct Run<'a> {
     rainbow: Option<Rainbow>,
     /// What is on billboards.
     textures: Option<Textures>,
+    /// What lies on the ground.
+    ground_texture: Option<GroundTexture>,
     path: CameraPath,
     crop: Option<Window>,
     simd: SimdLevel,
@@ -190,10 +193,15 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
         .transpose()
         .map_err(|error| anyhow::Error::new(error).context("--denoise"))?;
     let environment = load::environment(&loaded, &frames)?;
-    let sky = Sky::build(&settings.sky, &settings.sun, &loaded.directory).map_err(anyhow::Error::from)?;
+    let bytes = scene::bytes(&settings.render.texture_memory).context("render.texture_memory was checked")?;
+    let memory = TextureMemory::new(bytes);
+    let sky = Sky::build_within(&memory, &settings.sky, &settings.sun, &loaded.directory);
+    let sky = sky.map_err(anyhow::Error::from)?;
+    let ground_texture = GroundTexture::load(&settings.terrain, &loaded.directory, &memory);
+    let ground_texture = ground_texture.map_err(anyhow::Error::from)?;
     let particles = &settings.particles;
     let rainbow = (particles.rainbow > 0.0).then(|| Rainbow::build(particles.rainbow_spread));
-    let textures = Textures::load(particles, &loaded.directory).map_err(anyhow::Error::from)?;
+    let textures = Textures::load(particles, &loaded.directory, &memory).map_err(anyhow::Error::from)?;
     let path = camera_path(&loaded, &frames)?;
     Ok(Run {
         arguments,
@@ -205,6 +213,7 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
         sky,
         rainbow,
         textures,
+        ground_texture,
         path,
         crop,
         simd,
@@ -343,6 +352,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         &run.path,
         run.simd,
         budget,
+        run.ground_texture.as_ref(),
     )?;
     drop(states);
     let first = moments.first().context("a frame has a moment")?;
@@ -410,6 +420,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         layers::select(&mut picture, &names).map_err(anyhow::Error::from)?;
         pictures.push(picture);
     }
+    check_textures(run)?;
     let mut pictures = pictures.into_iter();
     let left = pictures.next().context("a frame has an eye")?;
     let mut picture = match pictures.next() {
@@ -445,6 +456,13 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         render,
         files,
     })
+}
+
+/// Whether every look at a texture so far has found it: a file that is read piece by piece may go away or break.
+fn check_textures(run: &Run) -> Result<(), CliError> {
+    run.sky.check().map_err(anyhow::Error::from)?;
+    run.ground_texture.as_ref().map_or(Ok(()), GroundTexture::check).map_err(anyhow::Error::from)?;
+    Ok(run.textures.as_ref().map_or(Ok(()), Textures::check).map_err(anyhow::Error::from)?)
 }
 
 /// The mattes that any file of the picture holds, or that were asked for by name.
@@ -514,6 +532,7 @@ fn write_one(picture: &Picture, path: &Path, options: &WriteOptions) -> Result<W
 /// The looks of one frame, owned.
 pub(super) struct MatterOfFrame {
     ground: Ground,
+    ground_texture: Option<PlacedTexture>,
     waterline: Waterline,
     sky_view: SkyView,
     foam: Option<FoamField>,
@@ -525,12 +544,14 @@ impl MatterOfFrame {
         state: &Frame,
         lowered: &LoweredFrame,
         foam: Option<&FoamState>,
+        ground_texture: Option<&GroundTexture>,
     ) -> Self {
         let columns = &state.columns;
         let origin: DVec3 = lowered.lowered.origin;
         let width = columns.width[0].min(columns.width[1]);
         Self {
             ground: Ground::build(&settings.terrain, width, origin),
+            ground_texture: ground_texture.map(|texture| texture.placed(columns, origin)),
             waterline: Waterline::build(columns, settings.surface.dry_threshold, origin),
             sky_view: SkyView::build(columns, origin),
             foam: foam.and_then(|foam| FoamField::build(foam, &settings.foam, columns.origin, origin)),
@@ -540,6 +561,7 @@ impl MatterOfFrame {
     pub(super) fn looks<'a>(&'a self, lowered: &'a LoweredFrame) -> Looks<'a> {
         Looks {
             ground: &self.ground,
+            ground_texture: self.ground_texture.as_ref(),
             waterline: &self.waterline,
             sky_view: &self.sky_view,
             spray: &lowered.spray,

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::str::FromStr;
 
 use crate::output::Window;
-use crate::scene::Override;
+use crate::scene::{self, BYTE_UNITS, Override};
 
 /// A word that does not say what it should.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -216,36 +216,21 @@ impl FromStr for Accuracy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bytes(pub u64);
 
-/// The units, each a thousand of the one before.
-const UNITS: [&str; 5] = ["", "K", "M", "G", "T"];
-
 impl FromStr for Bytes {
     type Err = Malformed;
 
     fn from_str(text: &str) -> Result<Self, Malformed> {
-        let word = text.trim();
-        let word = word.strip_suffix(['B', 'b']).unwrap_or(word);
-        let unit = (1..UNITS.len()).find(|&unit| word.to_ascii_uppercase().ends_with(UNITS[unit]));
-        let (digits, unit) = unit.map_or((word, 0), |unit| (&word[..word.len() - 1], unit));
-        // Digits and one point alone: `1e9G` and `infG` are no sizes that anybody means.
-        let plain = digits.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
-        let number: Option<f64> = digits.parse().ok().filter(|_| plain);
-        let bytes = number.map(|number| number * 1000f64.powi(unit as i32));
-        match bytes {
-            // Under 2^63, which no machine has, and at least one.
-            Some(bytes) if (1.0..9e18).contains(&bytes) => Ok(Self(bytes as u64)),
-            _ => Err(malformed("an amount of memory above 0 with its unit, K, M, G or T, as 512M or 8G")),
-        }
+        scene::bytes(text).map(Self).ok_or_else(|| malformed(scene::EXPECTED_BYTES))
     }
 }
 
 impl std::fmt::Display for Bytes {
     fn fmt(&self, out: &mut std::fmt::Formatter) -> std::fmt::Result {
-        let unit = (0..UNITS.len() - 1).rev().find(|&unit| self.0 >= 1000u64.pow(unit as u32)).unwrap_or(0);
+        let unit = (0..BYTE_UNITS.len() - 1).rev().find(|&unit| self.0 >= 1000u64.pow(unit as u32)).unwrap_or(0);
         let number = self.0 as f64 / 1000f64.powi(unit as i32);
         // Three digits, without zeros that say nothing.
         let text = format!("{:.*}", if number < 10.0 { 2 } else { 1 }, number);
-        write!(out, "{} {}B", text.trim_end_matches('0').trim_end_matches('.'), UNITS[unit])
+        write!(out, "{} {}B", text.trim_end_matches('0').trim_end_matches('.'), BYTE_UNITS[unit])
     }
 }
 

@@ -56,8 +56,15 @@ impl World<'_> {
         (share, share * value)
     }
 
-    /// A particle's look where it was met: of a billboard with a texture, that point's.
-    pub(super) fn spray_look(&self, part: &Part, index: u32, primitive: u32, contact: &Contact) -> SprayLook {
+    /// A particle's look where it was met: of a billboard with a texture, what a ray of `width` (m) sees of it there.
+    pub(super) fn spray_look(
+        &self,
+        part: &Part,
+        index: u32,
+        primitive: u32,
+        contact: &Contact,
+        width: f32,
+    ) -> SprayLook {
         let mut look = self.matter.spray(index);
         if let Shape::Discs(discs) = &part.shape {
             let offset = contact.position - discs.center[primitive as usize];
@@ -65,7 +72,8 @@ impl World<'_> {
             // Upright in the world, from whichever side it is seen; seen from above, x is east.
             let right = Vec3::Y.cross(axis).normalize_or(Vec3::X);
             let place = [right, axis.cross(right)].map(|side| offset.dot(side) / discs.radius[primitive as usize]);
-            if let Some(texel) = self.matter.texture(index, place) {
+            let footprint = width / discs.radius[primitive as usize];
+            if let Some(texel) = self.matter.texture(index, place, footprint) {
                 look.albedo *= texel.color;
                 look.opacity *= texel.alpha;
             }

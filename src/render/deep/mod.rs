@@ -269,7 +269,8 @@ impl World<'_> {
                         note(Kind::Spray, front, depth, opacity);
                     }
                     _ => {
-                        let opacity = self.spray_look(part, first + primitive, primitive, &contact).opacity;
+                        let width = self.pixel_cone().width(distance);
+                        let opacity = self.spray_look(part, first + primitive, primitive, &contact, width).opacity;
                         // From inside of one, or of a disc, there is no span; what lets nothing through is a surface.
                         if flat || outward || opacity >= 1.0 {
                             let opacity = if outward && !flat { 0.0 } else { opacity };

@@ -158,7 +158,8 @@ impl World<'_> {
         if let Material::Spray { first } = part.material {
             // A ball is met twice, on the way in and on the way out, and counts once.
             if cosine <= 0.0 || matches!(part.shape, Shape::Discs(_)) {
-                link.share *= 1.0 - self.spray_look(part, first + primitive, primitive, &contact).opacity;
+                // Towards a light, a link is as narrow as a line.
+                link.share *= 1.0 - self.spray_look(part, first + primitive, primitive, &contact, 0.0).opacity;
             }
         } else {
             // Unbent: both borders take the reflectance at the angle in air.
