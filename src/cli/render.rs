@@ -16,13 +16,16 @@ use super::moments::{self, MomentOfFrame};
 use super::progress::Progress;
 use super::signals::StopFlag;
 use super::stats::{FrameStats, RunStats, part_names};
-use super::values::Bytes;
+use super::values::{Bytes, Viewer};
+use super::watch::Watch;
 use crate::denoise::{DenoiseReport, Denoiser};
 use crate::foam::{FoamField, FoamState};
 use crate::images::TextureMemory;
 use crate::lower::{self, Environment, LoweredFrame};
 use crate::optics::{Rainbow, Sky};
-use crate::output::{self, Claim, DeepPicture, Metadata, Picture, Window, WriteOptions, WriteReport, layers, naming};
+use crate::output::{
+    self, Claim, DeepPicture, Metadata, Picture, Preview, Window, WriteOptions, WriteReport, layers, naming,
+};
 use crate::particles::Textures;
 use crate::render::{self, CameraPath, Job, Keeping, Looks, Mattes, RenderStats, Task};
 use crate::scene::{self, LoadedScene, Overscan};
@@ -52,6 +55,8 @@ struct Run<'a> {
     simd: SimdLevel,
     threads: usize,
     denoiser: Option<Denoiser>,
+    /// A viewer that watches.
+    preview: Option<Preview>,
 }
 
 /// Runs the command.
@@ -192,6 +197,8 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
         .then(|| Denoiser::new(threads))
         .transpose()
         .map_err(|error| anyhow::Error::new(error).context("--denoise"))?;
+    let viewer = arguments.tev.as_ref().map(|Viewer { host, port }| Preview::connect(host, *port));
+    let preview = viewer.transpose().map_err(|error| anyhow::Error::new(error).context("--tev"))?;
     let environment = load::environment(&loaded, &frames)?;
     let bytes = scene::bytes(&settings.render.texture_memory).context("render.texture_memory was checked")?;
     let memory = TextureMemory::new(bytes);
@@ -219,6 +226,7 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
         simd,
         threads,
         denoiser,
+        preview,
         loaded,
     })
 }
@@ -397,12 +405,22 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
             samples: run.arguments.sample_range.map(|range| range.ends),
             keeping: keeping.as_ref(),
         };
-        let part = render::render_part(&job, &task, stop.flag(), progress);
+        if let Some(preview) = &run.preview {
+            preview.begin(&preview_name(run, number, aside), window(run));
+        }
+        let watch = Watch { progress, preview: run.preview.as_ref() };
+        let part = render::render_part(&job, &task, stop.flag(), &watch);
         let (mut picture, stats) = part.map_err(anyhow::Error::from)?;
         render += stats;
         // Before layers are picked, so that the guides are there whichever are wanted.
         let report = run.denoiser.as_ref().map(|denoiser| denoiser.denoise(&mut picture));
         let report = report.transpose().map_err(anyhow::Error::from)?;
+        if let Some(preview) = &run.preview {
+            if report.is_some() {
+                preview.leave(picture.data, beauty(&picture));
+            }
+            preview.finish();
+        }
         denoise = match (denoise, report) {
             (Some(one), Some(other)) => Some(both_eyes(one, other)),
             (one, other) => other.or(one),
@@ -456,6 +474,32 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         render,
         files,
     })
+}
+
+/// What is rendered of the frame.
+fn window(run: &Run) -> Window {
+    let size = &run.loaded.scene.render;
+    run.crop.unwrap_or(Window { x: 0, y: 0, width: size.width, height: size.height })
+}
+
+/// What a viewer calls a picture.
+fn preview_name(run: &Run, number: i64, aside: f64) -> String {
+    let path = &run.loaded.path;
+    // Most scenes are called scene.toml: their folder tells them apart.
+    let stem = path.file_stem().filter(|stem| *stem != "scene").or_else(|| path.parent()?.file_name());
+    let scene = stem.map_or_else(|| "scene".into(), |stem| stem.to_string_lossy());
+    let eye = match aside {
+        aside if aside < 0.0 => " left",
+        aside if aside > 0.0 => " right",
+        _ => "",
+    };
+    format!("{scene} {number:04}{eye}")
+}
+
+/// Red, green, blue and alpha of every pixel.
+fn beauty(picture: &Picture) -> Vec<[f32; 4]> {
+    let channels = ["R", "G", "B", "A"].map(|name| picture.channel(name).map_or(&[][..], |c| &c.samples[..]));
+    (0..picture.data.area()).map(|at| channels.map(|samples| samples.get(at).copied().unwrap_or(0.0))).collect()
 }
 
 /// Whether every look at a texture so far has found it: a file that is read piece by piece may go away or break.

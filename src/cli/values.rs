@@ -151,6 +151,41 @@ impl FromStr for Share {
     }
 }
 
+/// Where a viewer listens, as typed: `HOST` or `HOST:PORT`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Viewer {
+    /// Name or address.
+    pub host: String,
+    /// By default the one that tev listens at.
+    pub port: u16,
+}
+
+impl Viewer {
+    const PORT: u16 = 14158;
+}
+
+impl FromStr for Viewer {
+    type Err = Malformed;
+
+    fn from_str(text: &str) -> Result<Self, Malformed> {
+        // An address of IPv6 has colons of its own: with a port it stands in brackets.
+        let (host, port) = match text.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
+            Some((host, "")) => (host, None),
+            Some((host, rest)) => (host, Some(rest.strip_prefix(':').unwrap_or(""))),
+            None => match text.split_once(':') {
+                Some((_, rest)) if rest.contains(':') && text.parse::<std::net::Ipv6Addr>().is_ok() => (text, None),
+                Some((host, port)) => (host, Some(port)),
+                None => (text, None),
+            },
+        };
+        let port = port.map_or(Some(Self::PORT), |port| port.parse().ok().filter(|&port| port != 0));
+        match port {
+            Some(port) if !host.is_empty() => Ok(Self { host: host.to_owned(), port }),
+            _ => Err(malformed("HOST or HOST:PORT, as 127.0.0.1 or studio:14158")),
+        }
+    }
+}
+
 /// Samples of each pixel as typed: `A-B`, from 0, B exclusive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleRange {
@@ -334,6 +369,22 @@ mod tests {
         }
         let shown = [999, 1500, 8_000_000_000, 123_456_789].map(|bytes| Bytes(bytes).to_string());
         assert_eq!(shown, ["999 B", "1.5 KB", "8 GB", "123.5 MB"]);
+    }
+
+    #[test]
+    fn a_viewer_has_a_host_and_the_port_of_tev() {
+        for (text, host, port) in [
+            ("127.0.0.1", "127.0.0.1", 14158),
+            ("studio:9", "studio", 9),
+            ("::1", "::1", 14158),
+            ("[::1]", "::1", 14158),
+            ("[::1]:14159", "::1", 14159),
+        ] {
+            assert_eq!(text.parse(), Ok(Viewer { host: host.into(), port }), "{text}");
+        }
+        for text in ["", ":14158", "a:b:c", "a:", "a:0", "a:70000", "[::1]9", "[]:9"] {
+            assert!(text.parse::<Viewer>().is_err_and(|error| error.expected.contains("HOST")), "{text}");
+        }
     }
 
     #[test]
