@@ -7,6 +7,7 @@ use std::sync::OnceLock;
 
 use glam::{Vec2, Vec4};
 
+use super::pyramid::Probes;
 use super::texture::{TextureMemory, Wrap, premultiplied};
 use super::{Unreadable, has_extension};
 use crate::ffi::oiio_texture::{self, SystemTexture, TextureSystem};
@@ -55,11 +56,19 @@ impl Pieces {
     }
 
     /// Linear, multiplied by alpha.
-    pub(super) fn at(&self, place: Vec2, [a, b]: [Vec2; 2]) -> Vec4 {
-        // Beyond the whole image there is nothing more to be mixed; what is no number is a point, as in memory.
-        let held = |span: f32| if span.is_nan() { 0.0 } else { span.clamp(-1.0, 1.0) };
-        let spans = [held(a.x), held(a.y), held(b.x), held(b.y)];
-        match self.texture.lookup([place.x, place.y], spans) {
+    ///
+    /// OpenImageIO would place probes along a footprint by itself, but picks its level by the smaller side of an image: of
+    /// one twice as wide as high, like a sky, half of the detail would be left to alias. It gets round lookups.
+    pub(super) fn at(&self, place: Vec2, spans: [Vec2; 2]) -> Vec4 {
+        let [width, height] = self.texture.size().map(|count| count as f32);
+        let Some(probes) = Probes::new(Vec2::new(width, height), spans) else { return self.probe(place, 0.0) };
+        // More than all is all.
+        let round = (probes.width / width.min(height)).min(1.0);
+        probes.mean(place, |place| self.probe(place, round))
+    }
+
+    fn probe(&self, place: Vec2, round: f32) -> Vec4 {
+        match self.texture.lookup(place.to_array(), [round, 0.0, 0.0, round]) {
             Ok(color) if color.iter().all(|value| value.is_finite()) => Vec4::from_array(color),
             Ok(color) => {
                 let about = format!("it holds {color:?} about ({}, {}); expected finite numbers", place.x, place.y);

@@ -13,6 +13,9 @@ use super::{Image, Wrap};
 /// limit that OpenImageIO has by default.
 const MOST_PROBES: f32 = 32.0;
 
+/// Pixels of a footprint that counts as everything.
+const FARTHEST: f32 = 1e7;
+
 /// A pixel: anything that can be mixed.
 pub trait Pixel: Copy + Default + Send + Sync + Add<Output = Self> + Mul<f32, Output = Self> {}
 impl<T: Copy + Default + Send + Sync + Add<Output = T> + Mul<f32, Output = T>> Pixel for T {}
@@ -44,34 +47,60 @@ impl<T: Pixel> Pyramid<T> {
     #[inline]
     pub(super) fn at(&self, place: Vec2, spans: [Vec2; 2]) -> T {
         let size = Vec2::new(self.finest().width as f32, self.finest().height as f32);
+        let Some(probes) = Probes::new(size, spans) else { return bilinear(&self.levels[0], self.wrap, place) };
+        let top = self.levels.len() - 1;
+        let finer = (probes.width.log2() as usize).min(top);
+        // Of the next level as much as the width is beyond this one's pixel.
+        let coarser = if finer == top { 0.0 } else { (probes.width / (finer as f32).exp2() - 1.0).clamp(0.0, 1.0) };
+        probes.mean(place, |place| {
+            let value = bilinear(&self.levels[finer], self.wrap, place);
+            if coarser > 0.0 {
+                value * (1.0 - coarser) + bilinear(&self.levels[finer + 1], self.wrap, place) * coarser
+            } else {
+                value
+            }
+        })
+    }
+}
+
+/// Round lookups in a row that together cover a footprint.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Probes {
+    count: u32,
+    /// From one end of the footprint to the other.
+    along: Vec2,
+    /// Of each lookup, in pixels of the finest level, from 1 up.
+    pub(super) width: f32,
+}
+
+impl Probes {
+    /// Those of two spans across a footprint on an image of a size (pixels); `None` for a footprint within a pixel.
+    #[inline]
+    pub(super) fn new(size: Vec2, spans: [Vec2; 2]) -> Option<Self> {
         let [a, b] = spans.map(|span| (span * size).length());
         let (long, short, along) = if a >= b { (a, b, spans[0]) } else { (b, a, spans[1]) };
         // Also without a number.
         if !(long > 1.0) {
-            return bilinear(&self.levels[0], self.wrap, place);
+            return None;
         }
-        let top = self.levels.len() - 1;
         // So far beyond every pixel that single precision would not tell places in it apart.
-        if !(long < 1e7) {
-            return self.levels[top].pixels[0];
+        if !(long < FARTHEST) {
+            return Some(Self { count: 1, along: Vec2::ZERO, width: FARTHEST });
         }
-        let short = short.max(long / MOST_PROBES).max(1.0);
-        let probes = (long / short).ceil().clamp(1.0, MOST_PROBES);
-        let level = short.log2().clamp(0.0, top as f32);
-        let finer = level as usize;
-        let coarser = level - finer as f32;
-        let count = probes as u32;
-        let mut sum = T::default();
-        for probe in 0..count {
-            let place = if count == 1 { place } else { place + along * ((probe as f32 + 0.5) / probes - 0.5) };
-            let mut value = bilinear(&self.levels[finer], self.wrap, place);
-            if coarser > 0.0 {
-                value =
-                    value * (1.0 - coarser) + bilinear(&self.levels[(finer + 1).min(top)], self.wrap, place) * coarser;
-            }
-            sum = sum + value;
+        let width = short.max(long / MOST_PROBES).max(1.0);
+        let count = (long / width).ceil().clamp(1.0, MOST_PROBES) as u32;
+        Some(Self { count, along, width })
+    }
+
+    /// The mean of lookups about a place.
+    #[inline]
+    pub(super) fn mean<T: Pixel>(&self, place: Vec2, at: impl Fn(Vec2) -> T) -> T {
+        if self.count == 1 {
+            return at(place);
         }
-        sum * (1.0 / probes)
+        let count = self.count as f32;
+        let probe = |index: u32| at(place + self.along * ((index as f32 + 0.5) / count - 0.5));
+        (0..self.count).fold(T::default(), |sum, index| sum + probe(index)) * count.recip()
     }
 }
 

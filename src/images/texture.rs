@@ -209,10 +209,10 @@ mod tests {
                     worst = worst.max((a - b).abs().max_element());
                 }
             }
-            // Points agree to OpenImageIO's own fixed-point weights; over footprints the two take other probes.
+            // OpenImageIO mixes by weights of its own rounding.
             assert!(worst < 0.02, "{ending}: {worst}");
-            assert!((means[0] - means[1]).abs().max_element() < 0.01, "{ending}: {means:?}");
-            assert!(squares.sqrt() < 0.06, "{ending}: {}", squares.sqrt());
+            assert!((means[0] - means[1]).abs().max_element() < 0.002, "{ending}: {means:?}");
+            assert!(squares.sqrt() < 0.01, "{ending}: {}", squares.sqrt());
             assert!(pieces.failure().is_none());
         }
     }

@@ -21,6 +21,9 @@ const PAUSE: Duration = Duration::from_millis(100);
 
 const CHANNELS: [&str; 4] = ["R", "G", "B", "A"];
 
+/// A place of the picture, and red, green, blue and alpha of its pixels.
+type Tile = (Window, Vec<[f32; 4]>);
+
 /// A connection to a viewer.
 #[derive(Debug)]
 pub struct Preview {
@@ -42,7 +45,7 @@ struct State {
     /// The viewer has yet to hear of it.
     is_new: bool,
     /// What has to be sent, by place: rows from the top, so that the same order is sent whoever rendered.
-    tiles: BTreeMap<(i32, i32), (Window, Vec<[f32; 4]>)>,
+    tiles: BTreeMap<(i32, i32), Tile>,
     /// The thread has taken what it is sending.
     sending: bool,
     gone: bool,
