@@ -63,10 +63,15 @@ mod embree {
     }
 }
 
-/// Compiles `ffi/oiio.cc` against the OpenImageIO that pkg-config knows of.
+/// What `build_oiio` is made of.
+#[cfg(feature = "oiio")]
+const BRIDGE: [&str; 6] =
+    ["ffi/oiio.rs", "ffi/oiio.cc", "ffi/oiio.hh", "ffi/oiio_texture.rs", "ffi/oiio_texture.cc", "ffi/oiio_texture.hh"];
+
+/// Compiles `ffi/oiio.cc` and `ffi/oiio_texture.cc` against the OpenImageIO that pkg-config knows of.
 #[cfg(feature = "oiio")]
 fn build_oiio() {
-    for file in ["ffi/oiio.rs", "ffi/oiio.cc", "ffi/oiio.hh"] {
+    for file in BRIDGE {
         println!("cargo:rerun-if-changed={file}");
     }
     println!("cargo:rerun-if-env-changed=PKG_CONFIG_PATH");
@@ -80,8 +85,8 @@ fn build_oiio() {
             ),
         }
     };
-    let mut build = cxx_build::bridge("ffi/oiio.rs");
-    build.file("ffi/oiio.cc").std("c++17");
+    let mut build = cxx_build::bridges(["ffi/oiio.rs", "ffi/oiio_texture.rs"]);
+    build.files(["ffi/oiio.cc", "ffi/oiio_texture.cc"]).std("c++17");
     for flag in flags("--cflags").split_whitespace() {
         match flag.strip_prefix("-I") {
             // Foreign headers: their warnings are not ours.

@@ -59,7 +59,7 @@ fn every_picture_goes_to_the_encoder_once_as_it_is_shown_in_order() {
     let film = std::fs::read(folder.path().join("out.mp4")).unwrap();
     assert_eq!(film.len(), 3 * 6 * 4 * 3);
     let shown: Vec<u8> =
-        (0..3).map(|k| output::display_value(0.1 * k as f32, 1.0, whitewater::scene::View::Srgb)).collect();
+        (0..3).map(|k| output::display_values([0.1 * k as f32; 3], 1.0, whitewater::scene::View::Srgb)[0]).collect();
     for (picture, shown) in film.chunks(6 * 4 * 3).zip(shown) {
         // Half rounds the light once.
         assert!(picture.iter().all(|value| value.abs_diff(shown) <= 1), "{picture:?} {shown}");

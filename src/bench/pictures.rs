@@ -128,6 +128,7 @@ impl Built {
         let sky_view = SkyView::build(columns, origin);
         let looks = Looks {
             ground: &ground,
+            ground_texture: None,
             waterline: &waterline,
             sky_view: &sky_view,
             spray: &self.lowered.spray,

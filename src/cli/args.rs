@@ -9,7 +9,7 @@ use clap::builder::PossibleValuesParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use super::errors::CliError;
-use super::values::{Accuracy, Bytes, Crop, FrameSelection, GridSize, SampleRange, Share};
+use super::values::{Accuracy, Bytes, Crop, FrameSelection, GridSize, SampleRange, Share, Viewer};
 use crate::scene::{Override, Surface, names_of};
 use crate::simd::SimdLevel;
 
@@ -198,6 +198,9 @@ pub struct RenderArgs {
     /// Render beyond the frame, or the crop, on every side: 5% of the frame, or 64px (output.overscan)
     #[arg(long, value_name = "MARGIN")]
     pub overscan: Option<String>,
+    /// Show the picture as it is rendered in the image viewer tev, which runs there [default port: 14158]
+    #[arg(long, value_name = "HOST[:PORT]")]
+    pub tev: Option<Viewer>,
     /// Show errors only
     #[arg(short, long, conflicts_with = "verbose")]
     pub quiet: bool,
@@ -298,7 +301,7 @@ pub struct MovieArgs {
     /// Frames per second
     #[arg(long, value_name = "N", default_value_t = 24.0, value_parser = frames_per_second)]
     pub fps: f64,
-    /// Curve for EXR: filmic or srgb
+    /// Curve for EXR: filmic, srgb or aces
     #[arg(long, value_name = "NAME", default_value = "filmic", value_parser = names("output.view"))]
     pub view: String,
     /// Stops of exposure for EXR

@@ -8,6 +8,7 @@ use anyhow::Context;
 use sha2::{Digest, Sha256};
 
 use super::errors::CliError;
+use super::load;
 use crate::lower::Environment;
 use crate::particles;
 use crate::scene::{self, LoadedScene};
@@ -70,6 +71,7 @@ impl Inputs<'_> {
         let plain = scene::Render::default();
         let render = &mut scene.render;
         (render.noise, render.seconds, render.max_samples) = (plain.noise, plain.seconds, plain.max_samples);
+        render.texture_memory = plain.texture_memory;
         if render.caustic_samples.is_none() {
             // Otherwise it says in which of them caustics are looked for.
             render.samples = plain.samples;
@@ -88,10 +90,14 @@ impl Inputs<'_> {
         let read = frames.iter().filter(|(other, _)| near.contains(other) || *other == frames.first());
         let mut files: Vec<PathBuf> = read.map(|(_, path)| path.to_owned()).collect();
         let sky = &scene.sky;
-        let images = [&sky.image, &sky.above, &sky.below].into_iter().flatten().map(|name| loaded.resolve(name));
-        // One that this kind of sky does not show need not be there.
+        let images = [&sky.image, &sky.above, &sky.below, &scene.terrain.texture]
+            .into_iter()
+            .flatten()
+            .map(|name| loaded.resolve(name));
+        // One that this kind of sky, or a frame without ground, does not show need not be there.
         files.extend(images.filter(|path| path.is_file()));
         files.extend(particles::texture_files(&scene.particles, &loaded.directory).map_err(anyhow::Error::from)?);
+        files.extend(load::mist_file(loaded, number)?);
         Ok(files)
     }
 }
@@ -141,12 +147,16 @@ mod tests {
             write(&format!("time{number:03}.state"), "a frame");
         }
         write("sky.exr", "a sky");
+        write("ground.exr", "a ground");
+        write("bank.vdb", "a bank of mist");
         write("drop.01.png", "a drop");
         write("rock.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
         let scene = r#"
             frames.files = "time###.state"
             foam.window = 1
             sky = { kind = "latlong", image = "sky.exr" }
+            terrain.texture = "ground.exr"
+            mist.file = "bank.vdb"
             particles = { representation = "billboards", billboard.texture = "drop.##.png" }
             environment.meshes = ["rock.obj"]
         "#;
@@ -156,8 +166,8 @@ mod tests {
 
     fn identity(folder: &Path) -> String {
         let loaded = scene::load(&folder.join("scene.toml"), &[]).unwrap();
-        let frames = super::super::load::frames(&loaded).unwrap();
-        let environment = super::super::load::environment(&loaded, &frames).unwrap();
+        let frames = load::frames(&loaded).unwrap();
+        let environment = load::environment(&loaded, &frames).unwrap();
         Inputs { loaded: &loaded, frames: &frames, environment: &environment }.identity(3, &[]).unwrap()
     }
 
@@ -176,7 +186,13 @@ mod tests {
         };
         let rock = "v 0 0 0\nv 2 0 0\nv 0 1 0\nf 1 2 3\n";
         let other = [("time003.state", "x"), ("time004.state", "x"), ("time002.state", "x"), ("time000.state", "x")];
-        let read = other.into_iter().chain([("sky.exr", "x"), ("drop.01.png", "x"), ("rock.obj", rock)]);
+        let read = other.into_iter().chain([
+            ("sky.exr", "x"),
+            ("ground.exr", "x"),
+            ("bank.vdb", "x"),
+            ("drop.01.png", "x"),
+            ("rock.obj", rock),
+        ]);
         for (name, text) in read {
             assert!(changed(name, text), "{name}");
         }

@@ -18,6 +18,7 @@ pub mod simulate;
 pub mod stats;
 pub mod trace;
 pub mod values;
+mod watch;
 
 pub mod convert;
 pub mod inspect;

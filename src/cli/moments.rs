@@ -16,6 +16,7 @@ use crate::render::{Camera, CameraPath};
 use crate::scene::{self, LoadedScene};
 use crate::simd::SimdLevel;
 use crate::state::{self, Frame, FrameSequence};
+use crate::terrain::GroundTexture;
 
 /// Everything that can be hit at one moment, with its looks.
 pub(super) struct MomentOfFrame {
@@ -89,6 +90,7 @@ impl MomentOfFrame {
         simd: SimdLevel,
         budget: Option<u64>,
         volume: Option<&Volume>,
+        ground_texture: Option<&GroundTexture>,
     ) -> Result<Vec<Self>, CliError> {
         let budget = lower::within_budget(volume, budget, states.len()).map_err(anyhow::Error::from)?;
         let size = (settings.render.width, settings.render.height);
@@ -105,7 +107,7 @@ impl MomentOfFrame {
                 lowered.add_volume(volume, time / settings.frames.fps).map_err(anyhow::Error::from)?;
             }
             let accelerator = accel::build(&lowered.lowered, &settings.accel, simd).map_err(anyhow::Error::from)?;
-            let matter = MatterOfFrame::new(settings, state, &lowered, foam);
+            let matter = MatterOfFrame::new(settings, state, &lowered, foam, ground_texture);
             Ok(Self { time: *time, lowered, accelerator, matter })
         };
         let moments: Result<Vec<Self>, CliError> = states.iter().map(moment).collect();
@@ -221,7 +223,7 @@ mod tests {
         let settings = &loaded.scene;
         let build = |states: &[_]| {
             let simd = SimdLevel::Portable;
-            MomentOfFrame::build_all(states, None, 0, settings, &environment, &path, simd, None, None).unwrap()
+            MomentOfFrame::build_all(states, None, 0, settings, &environment, &path, simd, None, None, None).unwrap()
         };
         let moments = build(&states);
         assert_eq!(moments[0].lowered.lowered.origin, moments[1].lowered.lowered.origin);

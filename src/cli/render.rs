@@ -16,19 +16,23 @@ use super::moments::{self, MomentOfFrame};
 use super::progress::Progress;
 use super::signals::StopFlag;
 use super::stats::{FrameStats, RunStats, part_names};
-use super::values::Bytes;
+use super::values::{Bytes, Viewer};
+use super::watch::Watch;
 use crate::denoise::{DenoiseReport, Denoiser};
 use crate::foam::{FoamField, FoamState};
+use crate::images::TextureMemory;
 use crate::lower::{self, Environment, LoweredFrame};
 use crate::optics::{Rainbow, Sky};
-use crate::output::{self, Claim, DeepPicture, Metadata, Picture, Window, WriteOptions, WriteReport, layers, naming};
+use crate::output::{
+    self, Claim, DeepPicture, Metadata, Picture, Preview, Window, WriteOptions, WriteReport, layers, naming,
+};
 use crate::particles::Textures;
 use crate::render::{self, CameraPath, Job, Keeping, Looks, Mattes, RenderStats, Task};
 use crate::scene::{self, LoadedScene, Overscan};
 use crate::simd::SimdLevel;
 use crate::state::{Columns, Frame, FrameSequence};
 use crate::surface::{SplineSurface, control};
-use crate::terrain::{Ground, SkyView, Waterline};
+use crate::terrain::{Ground, GroundTexture, PlacedTexture, SkyView, Waterline};
 
 /// What all frames of a run share.
 struct Run<'a> {
@@ -44,11 +48,15 @@ struct Run<'a> {
     rainbow: Option<Rainbow>,
     /// What is on billboards.
     textures: Option<Textures>,
+    /// What lies on the ground.
+    ground_texture: Option<GroundTexture>,
     path: CameraPath,
     crop: Option<Window>,
     simd: SimdLevel,
     threads: usize,
     denoiser: Option<Denoiser>,
+    /// A viewer that watches.
+    preview: Option<Preview>,
 }
 
 /// Runs the command.
@@ -192,11 +200,18 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
         .then(|| Denoiser::new(threads))
         .transpose()
         .map_err(|error| anyhow::Error::new(error).context("--denoise"))?;
+    let viewer = arguments.tev.as_ref().map(|Viewer { host, port }| Preview::connect(host, *port));
+    let preview = viewer.transpose().map_err(|error| anyhow::Error::new(error).context("--tev"))?;
     let environment = load::environment(&loaded, &frames)?;
-    let sky = Sky::build(&settings.sky, &settings.sun, &loaded.directory).map_err(anyhow::Error::from)?;
+    let bytes = scene::bytes(&settings.render.texture_memory).context("render.texture_memory was checked")?;
+    let memory = TextureMemory::new(bytes);
+    let sky = Sky::build_within(&memory, &settings.sky, &settings.sun, &loaded.directory);
+    let sky = sky.map_err(anyhow::Error::from)?;
+    let ground_texture = GroundTexture::load(&settings.terrain, &loaded.directory, &memory);
+    let ground_texture = ground_texture.map_err(anyhow::Error::from)?;
     let particles = &settings.particles;
     let rainbow = (particles.rainbow > 0.0).then(|| Rainbow::build(particles.rainbow_spread));
-    let textures = Textures::load(particles, &loaded.directory).map_err(anyhow::Error::from)?;
+    let textures = Textures::load(particles, &loaded.directory, &memory).map_err(anyhow::Error::from)?;
     let path = camera_path(&loaded, &frames)?;
     Ok(Run {
         arguments,
@@ -208,11 +223,13 @@ fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
         sky,
         rainbow,
         textures,
+        ground_texture,
         path,
         crop,
         simd,
         threads,
         denoiser,
+        preview,
         loaded,
     })
 }
@@ -349,6 +366,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         run.simd,
         budget,
         volume.as_ref(),
+        run.ground_texture.as_ref(),
     )?;
     drop((states, volume));
     let first = moments.first().context("a frame has a moment")?;
@@ -393,12 +411,22 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
             samples: run.arguments.sample_range.map(|range| range.ends),
             keeping: keeping.as_ref(),
         };
-        let part = render::render_part(&job, &task, stop.flag(), progress);
+        if let Some(preview) = &run.preview {
+            preview.begin(&preview_name(run, number, aside), window(run));
+        }
+        let watch = Watch { progress, preview: run.preview.as_ref() };
+        let part = render::render_part(&job, &task, stop.flag(), &watch);
         let (mut picture, stats) = part.map_err(anyhow::Error::from)?;
         render += stats;
         // Before layers are picked, so that the guides are there whichever are wanted.
         let report = run.denoiser.as_ref().map(|denoiser| denoiser.denoise(&mut picture));
         let report = report.transpose().map_err(anyhow::Error::from)?;
+        if let Some(preview) = &run.preview {
+            if report.is_some() {
+                preview.leave(picture.data, beauty(&picture));
+            }
+            preview.finish();
+        }
         denoise = match (denoise, report) {
             (Some(one), Some(other)) => Some(both_eyes(one, other)),
             (one, other) => other.or(one),
@@ -416,6 +444,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         layers::select(&mut picture, &names).map_err(anyhow::Error::from)?;
         pictures.push(picture);
     }
+    check_textures(run)?;
     let mut pictures = pictures.into_iter();
     let left = pictures.next().context("a frame has an eye")?;
     let mut picture = match pictures.next() {
@@ -451,6 +480,39 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         render,
         files,
     })
+}
+
+/// What is rendered of the frame.
+fn window(run: &Run) -> Window {
+    let size = &run.loaded.scene.render;
+    run.crop.unwrap_or(Window { x: 0, y: 0, width: size.width, height: size.height })
+}
+
+/// What a viewer calls a picture.
+fn preview_name(run: &Run, number: i64, aside: f64) -> String {
+    let path = &run.loaded.path;
+    // Most scenes are called scene.toml: their folder tells them apart.
+    let stem = path.file_stem().filter(|stem| *stem != "scene").or_else(|| path.parent()?.file_name());
+    let scene = stem.map_or_else(|| "scene".into(), |stem| stem.to_string_lossy());
+    let eye = match aside {
+        aside if aside < 0.0 => " left",
+        aside if aside > 0.0 => " right",
+        _ => "",
+    };
+    format!("{scene} {number:04}{eye}")
+}
+
+/// Red, green, blue and alpha of every pixel.
+fn beauty(picture: &Picture) -> Vec<[f32; 4]> {
+    let channels = ["R", "G", "B", "A"].map(|name| picture.channel(name).map_or(&[][..], |c| &c.samples[..]));
+    (0..picture.data.area()).map(|at| channels.map(|samples| samples.get(at).copied().unwrap_or(0.0))).collect()
+}
+
+/// Whether every look at a texture so far has found it: a file that is read piece by piece may go away or break.
+fn check_textures(run: &Run) -> Result<(), CliError> {
+    run.sky.check().map_err(anyhow::Error::from)?;
+    run.ground_texture.as_ref().map_or(Ok(()), GroundTexture::check).map_err(anyhow::Error::from)?;
+    Ok(run.textures.as_ref().map_or(Ok(()), Textures::check).map_err(anyhow::Error::from)?)
 }
 
 /// The mattes that any file of the picture holds, or that were asked for by name.
@@ -520,6 +582,7 @@ fn write_one(picture: &Picture, path: &Path, options: &WriteOptions) -> Result<W
 /// The looks of one frame, owned.
 pub(super) struct MatterOfFrame {
     ground: Ground,
+    ground_texture: Option<PlacedTexture>,
     waterline: Waterline,
     sky_view: SkyView,
     foam: Option<FoamField>,
@@ -531,12 +594,14 @@ impl MatterOfFrame {
         state: &Frame,
         lowered: &LoweredFrame,
         foam: Option<&FoamState>,
+        ground_texture: Option<&GroundTexture>,
     ) -> Self {
         let columns = &state.columns;
         let origin: DVec3 = lowered.lowered.origin;
         let width = columns.width[0].min(columns.width[1]);
         Self {
             ground: Ground::build(&settings.terrain, width, origin),
+            ground_texture: ground_texture.map(|texture| texture.placed(columns, origin)),
             waterline: Waterline::build(columns, settings.surface.dry_threshold, origin),
             sky_view: SkyView::build(columns, origin),
             foam: foam.and_then(|foam| FoamField::build(foam, &settings.foam, columns.origin, origin)),
@@ -546,6 +611,7 @@ impl MatterOfFrame {
     pub(super) fn looks<'a>(&'a self, lowered: &'a LoweredFrame) -> Looks<'a> {
         Looks {
             ground: &self.ground,
+            ground_texture: self.ground_texture.as_ref(),
             waterline: &self.waterline,
             sky_view: &self.sky_view,
             spray: &lowered.spray,

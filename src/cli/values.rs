@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::str::FromStr;
 
 use crate::output::Window;
-use crate::scene::Override;
+use crate::scene::{self, BYTE_UNITS, Override};
 
 /// A word that does not say what it should.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -151,6 +151,41 @@ impl FromStr for Share {
     }
 }
 
+/// Where a viewer listens, as typed: `HOST` or `HOST:PORT`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Viewer {
+    /// Name or address.
+    pub host: String,
+    /// By default the one that tev listens at.
+    pub port: u16,
+}
+
+impl Viewer {
+    const PORT: u16 = 14158;
+}
+
+impl FromStr for Viewer {
+    type Err = Malformed;
+
+    fn from_str(text: &str) -> Result<Self, Malformed> {
+        // An address of IPv6 has colons of its own: with a port it stands in brackets.
+        let (host, port) = match text.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
+            Some((host, "")) => (host, None),
+            Some((host, rest)) => (host, Some(rest.strip_prefix(':').unwrap_or(""))),
+            None => match text.split_once(':') {
+                Some((_, rest)) if rest.contains(':') && text.parse::<std::net::Ipv6Addr>().is_ok() => (text, None),
+                Some((host, port)) => (host, Some(port)),
+                None => (text, None),
+            },
+        };
+        let port = port.map_or(Some(Self::PORT), |port| port.parse().ok().filter(|&port| port != 0));
+        match port {
+            Some(port) if !host.is_empty() => Ok(Self { host: host.to_owned(), port }),
+            _ => Err(malformed("HOST or HOST:PORT, as 127.0.0.1 or studio:14158")),
+        }
+    }
+}
+
 /// Samples of each pixel as typed: `A-B`, from 0, B exclusive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleRange {
@@ -216,36 +251,21 @@ impl FromStr for Accuracy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bytes(pub u64);
 
-/// The units, each a thousand of the one before.
-const UNITS: [&str; 5] = ["", "K", "M", "G", "T"];
-
 impl FromStr for Bytes {
     type Err = Malformed;
 
     fn from_str(text: &str) -> Result<Self, Malformed> {
-        let word = text.trim();
-        let word = word.strip_suffix(['B', 'b']).unwrap_or(word);
-        let unit = (1..UNITS.len()).find(|&unit| word.to_ascii_uppercase().ends_with(UNITS[unit]));
-        let (digits, unit) = unit.map_or((word, 0), |unit| (&word[..word.len() - 1], unit));
-        // Digits and one point alone: `1e9G` and `infG` are no sizes that anybody means.
-        let plain = digits.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.');
-        let number: Option<f64> = digits.parse().ok().filter(|_| plain);
-        let bytes = number.map(|number| number * 1000f64.powi(unit as i32));
-        match bytes {
-            // Under 2^63, which no machine has, and at least one.
-            Some(bytes) if (1.0..9e18).contains(&bytes) => Ok(Self(bytes as u64)),
-            _ => Err(malformed("an amount of memory above 0 with its unit, K, M, G or T, as 512M or 8G")),
-        }
+        scene::bytes(text).map(Self).ok_or_else(|| malformed(scene::EXPECTED_BYTES))
     }
 }
 
 impl std::fmt::Display for Bytes {
     fn fmt(&self, out: &mut std::fmt::Formatter) -> std::fmt::Result {
-        let unit = (0..UNITS.len() - 1).rev().find(|&unit| self.0 >= 1000u64.pow(unit as u32)).unwrap_or(0);
+        let unit = (0..BYTE_UNITS.len() - 1).rev().find(|&unit| self.0 >= 1000u64.pow(unit as u32)).unwrap_or(0);
         let number = self.0 as f64 / 1000f64.powi(unit as i32);
         // Three digits, without zeros that say nothing.
         let text = format!("{:.*}", if number < 10.0 { 2 } else { 1 }, number);
-        write!(out, "{} {}B", text.trim_end_matches('0').trim_end_matches('.'), UNITS[unit])
+        write!(out, "{} {}B", text.trim_end_matches('0').trim_end_matches('.'), BYTE_UNITS[unit])
     }
 }
 
@@ -349,6 +369,22 @@ mod tests {
         }
         let shown = [999, 1500, 8_000_000_000, 123_456_789].map(|bytes| Bytes(bytes).to_string());
         assert_eq!(shown, ["999 B", "1.5 KB", "8 GB", "123.5 MB"]);
+    }
+
+    #[test]
+    fn a_viewer_has_a_host_and_the_port_of_tev() {
+        for (text, host, port) in [
+            ("127.0.0.1", "127.0.0.1", 14158),
+            ("studio:9", "studio", 9),
+            ("::1", "::1", 14158),
+            ("[::1]", "::1", 14158),
+            ("[::1]:14159", "::1", 14159),
+        ] {
+            assert_eq!(text.parse(), Ok(Viewer { host: host.into(), port }), "{text}");
+        }
+        for text in ["", ":14158", "a:b:c", "a:", "a:0", "a:70000", "[::1]9", "[]:9"] {
+            assert!(text.parse::<Viewer>().is_err_and(|error| error.expected.contains("HOST")), "{text}");
+        }
     }
 
     #[test]

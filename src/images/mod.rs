@@ -1,9 +1,19 @@
-//! Images that scenes name (skies, textures): files → linear pixels. What is on them, and how many pixels are too many, is the
-//! caller's matter; heights of ground have a reader of their own in `terrain`.
+//! Images that scenes name (skies, textures): files → linear pixels, and lookups of them over a footprint. What is on them,
+//! and how many pixels are too many, is the caller's matter; heights of ground have a reader of their own in `terrain`.
+
+#[cfg(feature = "oiio")]
+mod pieces;
+mod pyramid;
+mod texture;
 
 use std::path::{Path, PathBuf};
 
 use glam::Vec4;
+
+#[cfg(feature = "oiio")]
+pub use pieces::make_texture;
+pub use pyramid::Pixel;
+pub use texture::{Texture, TextureMemory, Wrap, premultiplied};
 
 /// An image, row by row from the top.
 #[derive(Clone, Debug)]
@@ -47,13 +57,19 @@ pub fn read<T: Copy + Default, E: From<Unreadable>>(
     claim: impl FnMut(usize, usize) -> Result<(), E>,
     pixel: impl Fn(Vec4, Alpha) -> T,
 ) -> Result<Image<T>, E> {
-    let is_exr = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
-    let image = if is_exr { exr_file(path, claim, pixel)? } else { other_file(path, claim, pixel)? };
+    let image =
+        if has_extension(path, &["exr"]) { exr_file(path, claim, pixel)? } else { other_file(path, claim, pixel)? };
     if image.pixels.is_empty() {
         let reason = format!("it holds {} x {} pixels", image.width, image.height);
         return Err(Unreadable { path: path.to_owned(), reason }.into());
     }
     Ok(image)
+}
+
+/// Whether a path ends in one of these, in any case.
+fn has_extension(path: &Path, endings: &[&str]) -> bool {
+    let ending = path.extension().unwrap_or_default();
+    endings.iter().any(|other| ending.eq_ignore_ascii_case(other))
 }
 
 fn exr_file<T: Copy + Default, E: From<Unreadable>>(

@@ -17,8 +17,11 @@ const COLUMN: u64 = 200;
 /// A cell of a tessellated column: two triangles and their tree.
 const CELL: u64 = 270;
 
-/// A pixel: the picture's channels, and what of them is written.
-const PIXEL: u64 = 300;
+/// A pixel: the picture's channels and mattes, what of them is written, and the state that a checkpoint keeps.
+const PIXEL: u64 = 750;
+
+/// A pixel of a deep picture, with some four samples.
+const DEEP: u64 = 100;
 
 /// A particle as it is read: eight doubles and an `id`.
 const READ: u64 = 80;
@@ -75,6 +78,7 @@ impl<'a> Account<'a> {
         let states = if blurred { moments + 2 } else { 1 };
         let columns = (frame.columns.nx * frame.columns.nz) as u64;
         let pixels = u64::from(scene.render.width) * u64::from(scene.render.height);
+        let pixel = if scene.output.deep.enabled { PIXEL + DEEP } else { PIXEL };
         let count = frame.particles.position.len() as u64;
         let judged = if scene.particles.representation == ParticleRepresentation::Auto { count * JUDGED } else { 0 };
         // Tessellations that follow the screen are taken for even ones.
@@ -84,7 +88,7 @@ impl<'a> Account<'a> {
             0
         };
         let fixed =
-            PROGRAM + columns * (COLUMN + CELL * cells) * moments + pixels * PIXEL + count * READ * states + judged;
+            PROGRAM + columns * (COLUMN + CELL * cells) * moments + pixels * pixel + count * READ * states + judged;
         Self { scene, fixed, moments }
     }
 

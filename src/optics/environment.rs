@@ -1,95 +1,135 @@
-//! Skies from files: latitude-longitude images and the report's pair of textures, bilinear and seam-free.
+//! Skies from files: latitude-longitude images and the report's pair of textures, seam-free, over a footprint.
 //!
 //! Convention, the one of OpenEXR's and Mitsuba's latitude-longitude maps in this frame: the top row looks up; the left
 //! edge looks north (-z), a quarter east (+x), the middle south (+z), three quarters west. So u = azimuth / 360.
 
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3, Vec4};
 
 use super::{Irradiance, OpticsError};
-use crate::images::{self, Image};
+use crate::images::{self, Image, Texture, TextureMemory, Wrap};
 
-/// Most pixels that a sky may have: 32768 x 16384, 6 GB as read, is beyond any panorama in use.
+/// Most pixels that a sky may have: 32768 x 16384, 8 GB with its mip levels, is beyond any panorama in use.
 const LIMIT: usize = 32_768 * 16_384;
+
+/// Most columns and rows that are looked at to integrate a sky that is not held whole: its mip levels tell the rest.
+const MOST_CELLS: [usize; 2] = [2048, 1024];
+
+/// Round in u, and ending in v.
+const WRAP: [Wrap; 2] = [Wrap::Repeat, Wrap::Clamp];
 
 /// A latitude-longitude image of linear radiance.
 #[derive(Clone, Debug)]
 pub(super) struct LatLong {
-    width: usize,
-    height: usize,
-    pixels: Vec<Vec3>,
+    texture: Texture<Vec3>,
+    /// Columns and rows of the cells that integrals go over: the pixels, if the image is held whole.
+    cells: [usize; 2],
+    /// How wide and high a look at a cell is: a point, if the image is held whole, since between two pixels it is linear.
+    look: [Vec2; 2],
 }
 
 impl LatLong {
-    /// Reads .exr, .hdr or any of the low-range formats; the latter are decoded from sRGB.
-    pub(super) fn read(path: &Path) -> Result<Self, OpticsError> {
-        let claim = |width: usize, height: usize| {
-            if width.saturating_mul(height) > LIMIT {
-                return Err(OpticsError::TooLarge { path: path.to_owned(), width, height, limit: LIMIT });
-            }
-            Ok(())
-        };
-        // A sky covers all that is behind it, whatever its alpha says.
-        let Image { width, height, pixels } = images::read(path, claim, |value, _| value.truncate())?;
-        let mut image = Self { width, height, pixels };
-        let mut negative = 0usize;
-        for (index, pixel) in image.pixels.iter_mut().enumerate() {
-            if !pixel.is_finite() {
-                let (x, y) = (index % image.width, index / image.width);
-                return Err(OpticsError::NotFinite { path: path.to_owned(), x, y, value: pixel.to_array() });
-            }
-            if pixel.min_element() < 0.0 {
-                negative += 1;
-                *pixel = pixel.max(Vec3::ZERO);
-            }
+    /// Reads .exr, .hdr or any of the low-range formats, which are decoded from sRGB; .tx and what else has mip levels where
+    /// OpenImageIO is built in.
+    pub(super) fn read(path: &Path, memory: &TextureMemory) -> Result<Self, OpticsError> {
+        // A mixture of pixels that ring below zero beside a bright sun.
+        let light = |value: Vec4| value.truncate().max(Vec3::ZERO);
+        let texture = Texture::open(path, WRAP, memory, light, || whole(path))?;
+        Ok(Self::of(texture))
+    }
+
+    fn of(texture: Texture<Vec3>) -> Self {
+        let size = texture.size();
+        if texture.pixels().is_some() {
+            return Self { texture, cells: size, look: [Vec2::ZERO; 2] };
         }
-        if negative > 0 {
-            // Resampling filters leave these beside bright suns; radiance below zero has no meaning.
-            tracing::warn!("{}: {negative} pixels of the sky's image are negative; taken as 0", path.display());
-        }
-        Ok(image)
+        let cells = [size[0].min(MOST_CELLS[0]), size[1].min(MOST_CELLS[1])];
+        let look = [Vec2::new(1.0 / cells[0] as f32, 0.0), Vec2::new(0.0, 1.0 / cells[1] as f32)];
+        Self { texture, cells, look }
     }
 
     #[cfg(test)]
     pub(super) fn from_pixels(width: usize, height: usize, pixels: Vec<Vec3>) -> Self {
         assert_eq!(pixels.len(), width * height);
-        Self { width, height, pixels }
+        Self::of(Texture::from_image(Image { width, height, pixels }, WRAP))
     }
 
     /// Radiance at u (0..1 eastward from north, any value wraps) and v (0 zenith, 1 nadir).
     #[inline]
     pub(super) fn at(&self, u: f32, v: f32) -> Vec3 {
-        let x = (u - u.floor()) * self.width as f32 - 0.5;
-        let y = (v * self.height as f32 - 0.5).clamp(0.0, (self.height - 1) as f32);
-        let (left, top) = (x.floor(), y.floor());
-        let (fx, fy) = (x - left, y - top);
-        // left is -1 .. width - 1.
-        let x0 = if left < 0.0 { self.width - 1 } else { (left as usize).min(self.width - 1) };
-        let x1 = if x0 + 1 == self.width { 0 } else { x0 + 1 };
-        let y0 = top as usize;
-        let y1 = (y0 + 1).min(self.height - 1);
-        let upper = self.pixel(x0, y0).lerp(self.pixel(x1, y0), fx);
-        let lower = self.pixel(x0, y1).lerp(self.pixel(x1, y1), fx);
-        upper.lerp(lower, fy)
+        self.texture.at(Vec2::new(u, v), [Vec2::ZERO; 2])
     }
 
+    /// Mean radiance over so much of u and of v about a place.
     #[inline]
-    fn pixel(&self, x: usize, y: usize) -> Vec3 {
-        self.pixels[y * self.width + x]
+    pub(super) fn mean(&self, u: f32, v: f32, [across, down]: [f32; 2]) -> Vec3 {
+        self.texture.at(Vec2::new(u, v), [Vec2::new(across, 0.0), Vec2::new(0.0, down)])
+    }
+
+    /// What an integral over cells sees at a place.
+    #[inline]
+    pub(super) fn look(&self, u: f32, v: f32) -> Vec3 {
+        self.texture.at(Vec2::new(u, v), self.look)
+    }
+
+    fn cell(&self, column: usize, row: usize) -> Vec3 {
+        match self.texture.pixels() {
+            Some(pixels) => pixels[row * self.cells[0] + column],
+            None => {
+                let [columns, rows] = self.cells;
+                self.look((column as f32 + 0.5) / columns as f32, (row as f32 + 0.5) / rows as f32)
+            }
+        }
     }
 
     /// Irradiance of the whole image; column 0 in the north.
     pub(super) fn irradiance(&self) -> Irradiance {
-        Irradiance::from_map(self.width, self.height, |x, y| self.pixel(x, y))
+        Irradiance::from_map(self.cells[0], self.cells[1], |x, y| self.cell(x, y))
     }
 
+    /// Columns of the cells that integrals go over.
     pub(super) fn width(&self) -> usize {
-        self.width
+        self.cells[0]
     }
+
+    /// Rows of them.
     pub(super) fn height(&self) -> usize {
-        self.height
+        self.cells[1]
     }
+
+    /// What went wrong first in any lookup so far.
+    pub(super) fn failure(&self) -> Option<OpticsError> {
+        self.texture.failure().map(OpticsError::Image)
+    }
+}
+
+/// An image as a whole, of numbers from 0 up.
+fn whole(path: &Path) -> Result<Image<Vec3>, OpticsError> {
+    let claim = |width: usize, height: usize| {
+        if width.saturating_mul(height) > LIMIT {
+            return Err(OpticsError::TooLarge { path: path.to_owned(), width, height, limit: LIMIT });
+        }
+        Ok(())
+    };
+    // A sky covers all that is behind it, whatever its alpha says.
+    let mut image = images::read(path, claim, |value, _| value.truncate())?;
+    let mut negative = 0usize;
+    for (index, pixel) in image.pixels.iter_mut().enumerate() {
+        if !pixel.is_finite() {
+            let (x, y) = (index % image.width, index / image.width);
+            return Err(OpticsError::NotFinite { path: path.to_owned(), x, y, value: pixel.to_array() });
+        }
+        if pixel.min_element() < 0.0 {
+            negative += 1;
+            *pixel = pixel.max(Vec3::ZERO);
+        }
+    }
+    if negative > 0 {
+        // Resampling filters leave these beside bright suns; radiance below zero has no meaning.
+        tracing::warn!("{}: {negative} pixels of the sky's image are negative; taken as 0", path.display());
+    }
+    Ok(image)
 }
 
 #[cfg(test)]
@@ -107,7 +147,7 @@ mod tests {
         for y in 0..4 {
             for x in 0..8 {
                 let value = map.at((x as f32 + 0.5) / 8.0, (y as f32 + 0.5) / 4.0);
-                assert!((value - map.pixel(x, y)).abs().max_element() < 1e-5);
+                assert!((value - map.cell(x, y)).abs().max_element() < 1e-5);
             }
         }
     }
@@ -129,15 +169,25 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let png = folder.path().join("grey.png");
         image::RgbImage::from_pixel(4, 2, image::Rgb([188, 188, 188])).save(&png).unwrap();
-        assert!((LatLong::read(&png).unwrap().at(0.3, 0.4) - Vec3::splat(0.502_886_5)).abs().max_element() < 1e-4);
+        assert!(
+            (LatLong::read(&png, &TextureMemory::default()).unwrap().at(0.3, 0.4) - Vec3::splat(0.502_886_5))
+                .abs()
+                .max_element()
+                < 1e-4
+        );
         let hdr = folder.path().join("bright.hdr");
         image::Rgb32FImage::from_pixel(4, 2, image::Rgb([4.0, 2.0, 0.5])).save(&hdr).unwrap();
-        assert!((LatLong::read(&hdr).unwrap().at(0.3, 0.4) - Vec3::new(4.0, 2.0, 0.5)).abs().max_element() < 0.02);
+        assert!(
+            (LatLong::read(&hdr, &TextureMemory::default()).unwrap().at(0.3, 0.4) - Vec3::new(4.0, 2.0, 0.5))
+                .abs()
+                .max_element()
+                < 0.02
+        );
         let exr = folder.path().join("bright.exr");
         exr::prelude::write_rgb_file(&exr, 4, 2, |x, y| (x as f32, y as f32, 7.5f32)).unwrap();
-        let map = LatLong::read(&exr).unwrap();
+        let map = LatLong::read(&exr, &TextureMemory::default()).unwrap();
         assert_eq!((map.width(), map.height()), (4, 2));
-        assert_eq!(map.pixel(3, 1), Vec3::new(3.0, 1.0, 7.5));
+        assert_eq!(map.cell(3, 1), Vec3::new(3.0, 1.0, 7.5));
     }
 
     #[test]
@@ -145,19 +195,22 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let good = folder.path().join("good.exr");
         exr::prelude::write_rgb_file(&good, 64, 32, |x, _| (x as f32, 1.0f32, f32::from(x == 9) / 0.0)).unwrap();
-        let error = LatLong::read(&good).unwrap_err();
+        let error = LatLong::read(&good, &TextureMemory::default()).unwrap_err();
         assert!(matches!(error, OpticsError::NotFinite { x: 0, y: 0, .. }), "{error}");
         let bytes = std::fs::read(&good).unwrap();
         for name in ["cut.exr", "cut.png", "cut.hdr"] {
             let path = folder.path().join(name);
             std::fs::write(&path, &bytes[..bytes.len() / 3]).unwrap();
-            assert!(LatLong::read(&path).unwrap_err().to_string().contains(name));
-            assert!(LatLong::read(&folder.path().join("absent").with_extension(&name[4..])).is_err());
+            assert!(LatLong::read(&path, &TextureMemory::default()).unwrap_err().to_string().contains(name));
+            assert!(
+                LatLong::read(&folder.path().join("absent").with_extension(&name[4..]), &TextureMemory::default())
+                    .is_err()
+            );
         }
         // A header that claims 2^31 x 2^31 pixels.
         let huge = folder.path().join("huge.hdr");
         std::fs::write(&huge, b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2147483647 +X 2147483647\n").unwrap();
-        assert!(matches!(LatLong::read(&huge).unwrap_err(), OpticsError::TooLarge { .. }));
+        assert!(matches!(LatLong::read(&huge, &TextureMemory::default()).unwrap_err(), OpticsError::TooLarge { .. }));
     }
 
     proptest! {

@@ -8,6 +8,7 @@ use std::{path::Path, sync::OnceLock};
 use glam::Vec3;
 use rayon::prelude::*;
 
+use crate::images::TextureMemory;
 use crate::scene;
 
 use super::{Irradiance, OpticsError, Sun, atmosphere::Atmosphere, environment::LatLong};
@@ -41,10 +42,23 @@ impl Sky {
     /// # Errors
     /// An image that is not named, missing, damaged, too large or not finite.
     pub fn build(sky: &scene::Sky, sun: &scene::Sun, directory: &Path) -> Result<Self, OpticsError> {
+        Self::build_within(&TextureMemory::default(), sky, sun, directory)
+    }
+
+    /// As [`Sky::build`], with memory that is shared with other textures.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn build_within(
+        memory: &TextureMemory,
+        sky: &scene::Sky,
+        sun: &scene::Sun,
+        directory: &Path,
+    ) -> Result<Self, OpticsError> {
         let scale = sky.scale as f32;
         let turn = (sky.rotation / 360.0).rem_euclid(1.0) as f32;
         let read = |name: &Option<String>, kind: &'static str, key: &'static str| match name {
-            Some(name) => LatLong::read(&directory.join(name)),
+            Some(name) => LatLong::read(&directory.join(name), memory),
             None => Err(OpticsError::NoImage { kind, key }),
         };
         let (kind, irradiance) = match sky.kind {
@@ -72,7 +86,8 @@ impl Sky {
                 (Kind::Skybox { above, below, turn }, irradiance)
             }
         };
-        Ok(Self { kind, scale, irradiance: irradiance.scaled(Vec3::splat(scale)) })
+        let sky = Self { kind, scale, irradiance: irradiance.scaled(Vec3::splat(scale)) };
+        sky.check().map(|()| sky)
     }
 
     /// Radiance from a unit direction, without the sun's disc.
@@ -93,6 +108,42 @@ impl Sky {
             }
         };
         radiance * self.scale
+    }
+
+    /// Mean radiance over a round cone about a unit direction, `angle` (radians) from edge to edge, without the sun's disc.
+    ///
+    /// Only what an image shows is averaged: formulas are smooth over any cone that a pixel has.
+    #[inline]
+    pub fn mean_radiance(&self, direction: Vec3, angle: f32) -> Vec3 {
+        let (image, turn) = match &self.kind {
+            Kind::Constant(_) | Kind::Analytic(_) => return self.radiance(direction),
+            Kind::LatLong { image, turn } => (image, turn),
+            Kind::Skybox { above, below, turn } => (if direction.y >= 0.0 { above } else { below }, turn),
+        };
+        let (u, v) = place(direction);
+        // Meridians draw together towards the poles; about one of them the cone spans all.
+        let side = (direction.x * direction.x + direction.z * direction.z).sqrt();
+        let across = (angle * (0.5 * std::f32::consts::FRAC_1_PI) / side).min(1.0);
+        let down = (angle * std::f32::consts::FRAC_1_PI).min(1.0);
+        image.mean(u - turn, v, [across, down]) * self.scale
+    }
+
+    /// Whether it shows an image, with detail that a cone may average.
+    pub fn is_image(&self) -> bool {
+        matches!(self.kind, Kind::LatLong { .. } | Kind::Skybox { .. })
+    }
+
+    /// What went wrong first in any look at its images so far; the light of that look is missing.
+    ///
+    /// # Errors
+    /// That.
+    pub fn check(&self) -> Result<(), OpticsError> {
+        let failure = match &self.kind {
+            Kind::Constant(_) | Kind::Analytic(_) => None,
+            Kind::LatLong { image, .. } => image.failure(),
+            Kind::Skybox { above, below, .. } => above.failure().or_else(|| below.failure()),
+        };
+        failure.map_or(Ok(()), Err)
     }
 
     /// Irradiance on a card of a unit normal, from the whole sky and far ground, without the sun.
@@ -134,7 +185,7 @@ fn integrate(above: &LatLong, below: &LatLong, turn: f32) -> Irradiance {
         let image = if row < rows / 2 { above } else { below };
         let mut sum = Vec3::ZERO;
         for (dx, dy) in [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)] {
-            sum += image.at((column as f32 + dx) / columns as f32 - turn, (row as f32 + dy) / rows as f32);
+            sum += image.look((column as f32 + dx) / columns as f32 - turn, (row as f32 + dy) / rows as f32);
         }
         sum * 0.25
     })

@@ -13,7 +13,7 @@ use image::{
 };
 use rayon::prelude::*;
 
-use super::{Format, OutputError, Picture, WriteOptions, colorspace, view::display_value, whole_file::write_whole};
+use super::{Format, OutputError, Picture, WriteOptions, colorspace, view::display_values, whole_file::write_whole};
 use crate::scene::Colorspace;
 
 /// JPEG's quality: the point past which files grow faster than any difference can be seen on water.
@@ -118,7 +118,7 @@ fn pixels(picture: &Picture, path: &Path, transparency: bool, options: &WriteOpt
                 let a = alpha.map_or(1.0, |a| a[at].clamp(0.0, 1.0));
                 // Light without coverage has no colour to divide out: it is shown as it is.
                 let scale = if a > 0.0 { gain / f64::from(a) } else { gain };
-                line.extend(color.map(|c| display_value(c[at], scale, options.view)));
+                line.extend(display_values(color.map(|c| c[at]), scale, options.view));
                 if alpha.is_some() {
                     line.push((a * 255.0).round() as u8);
                 }

@@ -179,6 +179,14 @@ pub enum OutputError {
     },
 
     // The system failed.
+    /// No viewer for a preview.
+    #[error("{address}: no viewer answers ({source}); expected a running tev")]
+    Viewer {
+        /// Host and port.
+        address: String,
+        /// The system's answer.
+        source: std::io::Error,
+    },
     /// A file operation failed: disk full, no permission, …
     #[error("could not {action} {path}: {source}")]
     Io {

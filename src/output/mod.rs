@@ -21,6 +21,7 @@ mod oiio;
 mod parts;
 mod picture;
 mod portion;
+mod preview;
 mod profile;
 mod video;
 mod view;
@@ -39,8 +40,9 @@ pub use exr_read::{Encoding, encoding_of, read_exr};
 #[cfg(feature = "oiio")]
 pub use oiio::{OiioPart, read_with_oiio};
 pub use portion::Portion;
+pub use preview::Preview;
 pub use video::{MovieOptions, MovieReport, write_movie};
-pub use view::{display_value, filmic, srgb_encode};
+pub use view::{aces, display_values, filmic, srgb_encode};
 pub use views::{EYES, pair};
 
 use crate::scene::{Colorspace, Compression, Profile, View, Writer};

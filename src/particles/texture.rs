@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use glam::{Vec2, Vec3, Vec4};
 
 use super::seed::{Purpose, several};
-use crate::images::{self, Alpha, Image};
+use crate::images::{self, Image, Texture, TextureMemory, Wrap, premultiplied};
 use crate::scene;
 use crate::state::{FramePattern, StateError};
 
@@ -71,7 +71,7 @@ pub enum TextureError {
 #[derive(Clone, Debug)]
 pub struct Textures {
     /// Empty for drops.
-    images: Vec<Image<Vec4>>,
+    images: Vec<Texture<Vec4>>,
     /// Images to a second of age.
     rate: f64,
 }
@@ -92,24 +92,37 @@ impl Textures {
     ///
     /// # Errors
     /// Images that are missing, broken, not finite or too large.
-    pub fn load(particles: &scene::Particles, directory: &Path) -> Result<Option<Self>, TextureError> {
+    pub fn load(
+        particles: &scene::Particles,
+        directory: &Path,
+        memory: &TextureMemory,
+    ) -> Result<Option<Self>, TextureError> {
         if !wanted(particles) {
             return Ok(None);
         }
         let mut textures = Self { images: Vec::new(), rate: particles.billboard.image_fps };
         let mut pixels = 0;
         for path in texture_files(particles, directory)? {
-            textures.images.push(read(&path, &mut pixels)?);
+            textures.images.push(Texture::open(&path, [Wrap::Clamp; 2], memory, held, || read(&path, &mut pixels))?);
         }
         Ok(Some(textures))
     }
 
-    /// The texture at x, y (-1 to 1 over the disc) of a particle of an age (s).
-    pub fn at(&self, seed: u32, age: f32, place: [f32; 2]) -> Texel {
+    /// The texture at x, y (-1 to 1 over the disc) of a particle of an age (s), averaged over a `footprint` of the same unit
+    /// where it is an image.
+    pub fn at(&self, seed: u32, age: f32, place: [f32; 2], footprint: f32) -> Texel {
         let place = Vec2::from_angle(-billboard_turn(seed)).rotate(Vec2::from(place));
         let Some(last) = self.images.len().checked_sub(1) else { return droplet(seed, place) };
         // A negative age is as 0, and what is beyond all images the last.
-        sample(&self.images[((f64::from(age) * self.rate) as usize).min(last)], place)
+        sample(&self.images[((f64::from(age) * self.rate) as usize).min(last)], place, footprint)
+    }
+
+    /// What went wrong first in any look at the images so far; the colour of that look is missing.
+    ///
+    /// # Errors
+    /// That.
+    pub fn check(&self) -> Result<(), TextureError> {
+        self.images.iter().find_map(Texture::failure).map_or(Ok(()), |failure| Err(failure.into()))
     }
 }
 
@@ -172,18 +185,14 @@ fn read(path: &Path, pixels: &mut usize) -> Result<Image<Vec4>, TextureError> {
         *pixels = pixels.saturating_add(width.saturating_mul(height));
         if *pixels > LIMIT { Err(TextureError::TooLarge { path: path.to_owned(), pixels: *pixels }) } else { Ok(()) }
     };
-    let mut image = images::read(path, claim, |value, alpha| match alpha {
-        Alpha::Premultiplied => value,
-        Alpha::Straight => (value.truncate() * value.w).extend(value.w),
-    })?;
+    let mut image = images::read(path, claim, premultiplied)?;
     let mut beyond = 0_usize;
     for (index, pixel) in image.pixels.iter_mut().enumerate() {
         if !pixel.is_finite() {
             let (x, y) = (index % image.width, index / image.width);
             return Err(TextureError::NotFinite { path: path.to_owned(), x, y, value: pixel.to_array() });
         }
-        let alpha = pixel.w.clamp(0.0, 1.0);
-        let held = pixel.truncate().clamp(Vec3::ZERO, Vec3::splat(alpha)).extend(alpha);
+        let held = held(*pixel);
         // Half's rounding is no excess.
         beyond += usize::from((held - *pixel).abs().max_element() > 1e-3);
         *pixel = held;
@@ -195,17 +204,17 @@ fn read(path: &Path, pixels: &mut usize) -> Result<Image<Vec4>, TextureError> {
     Ok(image)
 }
 
-/// Bilinear, over the square around the disc; at its edges the outermost pixels go on.
-fn sample(image: &Image<Vec4>, place: Vec2) -> Texel {
-    let along = |share: f32, count: usize| {
-        let place = (share * count as f32 - 0.5).clamp(0.0, (count - 1) as f32);
-        let index = (place as usize).min(count.saturating_sub(2));
-        (index, (index + 1).min(count - 1), place - index as f32)
-    };
-    let (left, right, fx) = along(0.5 + 0.5 * place.x, image.width);
-    let (top, bottom, fy) = along(0.5 - 0.5 * place.y, image.height);
-    let row = |y: usize| image.pixels[y * image.width + left].lerp(image.pixels[y * image.width + right], fx);
-    let pixel = row(top).lerp(row(bottom), fy);
+/// Shares: nothing below 0 or above alpha.
+fn held(pixel: Vec4) -> Vec4 {
+    let alpha = pixel.w.clamp(0.0, 1.0);
+    pixel.truncate().clamp(Vec3::ZERO, Vec3::splat(alpha)).extend(alpha)
+}
+
+/// Over the square around the disc; at its edges the outermost pixels go on.
+fn sample(image: &Texture<Vec4>, place: Vec2, footprint: f32) -> Texel {
+    // The square is two wide.
+    let spans = [Vec2::X, Vec2::Y].map(|side| side * (0.5 * footprint));
+    let pixel = image.at(Vec2::new(0.5 + 0.5 * place.x, 0.5 - 0.5 * place.y), spans);
     let color = if pixel.w > 0.0 { (pixel.truncate() / pixel.w).min(Vec3::ONE) } else { Vec3::ONE };
     Texel { color, alpha: pixel.w.min(1.0) }
 }
@@ -237,9 +246,10 @@ mod tests {
             let image = image::RgbaImage::from_pixel(2, 2, image::Rgba([gray, gray, gray, 255]));
             image.save(folder.path().join(format!("drop{number}.png"))).unwrap();
         }
-        let textures = Textures::load(&settings("drop####.png"), folder.path()).unwrap().unwrap();
+        let textures =
+            Textures::load(&settings("drop####.png"), folder.path(), &TextureMemory::default()).unwrap().unwrap();
         for (age, gray) in [(0.0, 50.0), (0.05, 50.0), (0.15, 100.0), (0.25, 200.0), (1e9, 200.0), (-1.0, 50.0)] {
-            let texel = textures.at(7, age, [0.2, -0.3]);
+            let texel = textures.at(7, age, [0.2, -0.3], 0.0);
             assert!((texel.color.x - srgb_to_linear(gray / 255.0)).abs() < 1e-5, "{age}");
             assert_eq!(texel.alpha, 1.0);
         }
@@ -259,22 +269,24 @@ mod tests {
         let written = exr::prelude::write_rgba_file(folder.path().join("a.exr"), 2, 2, |x, _| of(x));
         written.unwrap();
         for name in ["a.png", "a.exr"] {
-            let textures = Textures::load(&settings(name), folder.path()).unwrap().unwrap();
+            let textures = Textures::load(&settings(name), folder.path(), &TextureMemory::default()).unwrap().unwrap();
             let seed = upright();
             // Half way to what is not there: half of the alpha, and the same red, not a darker one nor the hidden green.
             for (x, alpha) in [(-0.9, 0.2), (-0.5, 0.2), (0.0, 0.1), (0.25, 0.05)] {
-                let texel = textures.at(seed, 0.0, [x, 0.1]);
+                let texel = textures.at(seed, 0.0, [x, 0.1], 0.0);
                 assert!((texel.alpha - alpha).abs() < 1e-4, "{name} {x}: {texel:?}");
                 assert!((texel.color - Vec3::new(red, 0.0, 0.0)).length() < 1e-3, "{name} {x}: {texel:?}");
             }
-            assert_eq!(textures.at(seed, 0.0, [0.9, 0.0]).alpha, 0.0);
+            assert_eq!(textures.at(seed, 0.0, [0.9, 0.0], 0.0).alpha, 0.0);
         }
     }
 
     #[test]
     fn what_is_missing_or_broken_is_named() {
         let folder = tempfile::tempdir().unwrap();
-        let told = |texture: &str| Textures::load(&settings(texture), folder.path()).unwrap_err().to_string();
+        let told = |texture: &str| {
+            Textures::load(&settings(texture), folder.path(), &TextureMemory::default()).unwrap_err().to_string()
+        };
         assert!(told("a##.png").contains("a##.png") && told("b.png").contains("b.png"), "{}", told("b.png"));
         std::fs::write(folder.path().join("c.png"), b"no picture").unwrap();
         assert!(told("c.png").contains("c.png"));
@@ -282,9 +294,9 @@ mod tests {
             exr::prelude::write_rgba_file(folder.path().join("d.exr"), 2, 1, |x, _| (f32::NAN, 0.0, 0.0, x as f32));
         nan.unwrap();
         assert!(told("d.exr").contains("pixel (0, 0)"), "{}", told("d.exr"));
-        assert!(Textures::load(&settings("none"), folder.path()).unwrap().is_none());
+        assert!(Textures::load(&settings("none"), folder.path(), &TextureMemory::default()).unwrap().is_none());
         let spheres = scene::Particles { representation: scene::ParticleRepresentation::Spheres, ..settings("e.png") };
-        assert!(Textures::load(&spheres, folder.path()).unwrap().is_none());
+        assert!(Textures::load(&spheres, folder.path(), &TextureMemory::default()).unwrap().is_none());
     }
 
     #[test]
@@ -292,7 +304,7 @@ mod tests {
         let drops = Textures { images: Vec::new(), rate: 24.0 };
         let grid = |seed: u32| -> Vec<Texel> {
             (0..2500)
-                .map(|k| drops.at(seed, 0.0, [(k % 50) as f32 / 25.0 - 0.98, (k / 50) as f32 / 25.0 - 0.98]))
+                .map(|k| drops.at(seed, 0.0, [(k % 50) as f32 / 25.0 - 0.98, (k / 50) as f32 / 25.0 - 0.98], 0.0))
                 .collect()
         };
         let cover = |seed: u32| grid(seed).iter().map(|texel| texel.alpha).sum::<f32>() / 2500.0;
@@ -318,10 +330,11 @@ mod tests {
         #[test]
         fn any_place_and_age_gives_shares(
             seed in 0u32.., age in prop::num::f32::ANY, x in -1.0f32..=1.0, y in -1.0f32..=1.0,
+            footprint in 0.0f32..100.0,
         ) {
             let image = Image { width: 1, height: 3, pixels: vec![Vec4::splat(0.5), Vec4::ZERO, Vec4::ONE] };
-            for images in [Vec::new(), vec![image]] {
-                let texel = Textures { images, rate: 24.0 }.at(seed, age, [x, y]);
+            for images in [Vec::new(), vec![Texture::from_image(image, [Wrap::Clamp; 2])]] {
+                let texel = Textures { images, rate: 24.0 }.at(seed, age, [x, y], footprint);
                 prop_assert!((0.0..=1.0).contains(&texel.alpha));
                 prop_assert!(texel.color.min_element() >= 0.0 && texel.color.max_element() <= 1.0);
             }

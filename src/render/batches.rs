@@ -8,6 +8,7 @@ use glam::Vec3;
 use super::{
     PathCounts,
     caustics::Connection,
+    cone::Cone,
     cryptomatte::Sight,
     film::{FilmTile, Layer, Place},
     path_tracer::Links,
@@ -72,6 +73,8 @@ pub(super) struct Carrier {
     pub(super) guide: f32,
     /// Metres travelled before this ray.
     pub(super) distance: f32,
+    /// How wide it is.
+    pub(super) cone: Cone,
     /// Pixel and camera's sample that its light belongs to.
     pub(super) place: Place,
     /// What the camera's ray met first; `None` until it has met anything but spray.
@@ -136,12 +139,13 @@ impl PathState {
 }
 
 impl Carrier {
-    /// A ray from the eye.
-    pub(super) fn camera(throughput: Vec3, place: Place, in_water: bool) -> Self {
+    /// A ray from the eye, as wide as a pixel's.
+    pub(super) fn camera(throughput: Vec3, place: Place, in_water: bool, cone: Cone) -> Self {
         Self {
             throughput,
             guide: 1.0,
             distance: 0.0,
+            cone,
             place,
             layer: None,
             depth: 0,

@@ -419,6 +419,27 @@ impl FilmTile {
         }
     }
 
+    /// Mean radiance of a pixel by layer, then by light group.
+    fn light_of(&self, index: usize) -> impl Iterator<Item = Vec3> + Clone {
+        let share = 1.0 / self.moments[index].samples.max(1) as f32;
+        // The sum of finite numbers may overflow: it stays finite here, and the file's own limit comes later.
+        let sums = self.light[index * self.stride..][..self.stride].iter();
+        sums.map(move |&sum| (sum * share).min(Vec3::splat(f32::MAX)))
+    }
+
+    /// Red, green, blue and alpha of a pixel.
+    fn beauty(&self, index: usize) -> [f32; 4] {
+        let share = 1.0 / self.moments[index].samples.max(1) as f32;
+        let beauty = self.light_of(index).take(Layer::ALL.len()).fold(Vec3::ZERO, |sum, layer| sum + layer);
+        let alpha = (1.0 - self.uncovered[index] * share).clamp(0.0, 1.0);
+        beauty.min(Vec3::splat(f32::MAX)).extend(alpha).to_array()
+    }
+
+    /// [`FilmTile::resolve`]'s first four values of every pixel.
+    pub(super) fn beauties(&self) -> Vec<[f32; 4]> {
+        (0..self.moments.len()).map(|index| self.beauty(index)).collect()
+    }
+
     fn resolve_pixel(&self, index: usize, centre: DVec2, view: &View, values: &mut Vec<f32>) {
         let moments = &self.moments[index];
         let share = 1.0 / moments.samples.max(1) as f32;
@@ -439,16 +460,11 @@ impl FilmTile {
             }
         };
         let (forward, backward) = (motion(&view.next, 1.0), motion(&view.previous, -1.0));
-        // The sum of finite numbers may overflow: it stays finite here, and the file's own limit comes later.
-        let light = self.light[index * self.stride..][..self.stride]
-            .iter()
-            .map(|&sum| (sum * share).min(Vec3::splat(f32::MAX)));
-        let beauty = light.clone().take(Layer::ALL.len()).fold(Vec3::ZERO, |sum, layer| sum + layer);
-        let alpha = (1.0 - self.uncovered[index] * share).clamp(0.0, 1.0);
+        let light = self.light_of(index);
         let (albedo, dnormal) = (self.albedo[index] * share, self.normal[index] * share);
 
-        values.extend(beauty.min(Vec3::splat(f32::MAX)).to_array());
-        values.extend([alpha, nearest.depth]);
+        values.extend(self.beauty(index));
+        values.push(nearest.depth);
         values.extend(nearest.normal.to_array());
         values.extend(world.as_vec3().to_array());
         values.extend(forward);

@@ -205,6 +205,7 @@ pub fn render_part(
     let film = Mutex::new(Film::new(data, &groups, job.mattes));
     let place = |scratch: &mut Scratch| {
         scratch.total.resolve(&view, &mut scratch.pixels);
+        show(observer, &scratch.total);
         // Poisoned only if another thread panicked, and then that panic is on its way to the caller anyway.
         film.lock().unwrap_or_else(|poison| poison.into_inner()).place(scratch.total.window, &scratch.pixels);
     };
@@ -220,6 +221,13 @@ pub fn render_part(
     let film = film.into_inner().unwrap_or_else(|poison| poison.into_inner());
     let metadata = Metadata { seconds: spent + stats.seconds, complete, ..metadata };
     Ok((Picture { display: size, data, channels: film.into_channels(), metadata }, stats))
+}
+
+/// Gives a tile's pixels to who watches.
+fn show(observer: &dyn Observer, tile: &FilmTile) {
+    if observer.wants_pixels() {
+        observer.pixels(tile.window, tile.beauties());
+    }
 }
 
 /// When a pixel has had enough.
@@ -344,6 +352,7 @@ impl Work<'_> {
                         keeper.keep(tile, scratch.kept(false));
                     }
                 }
+                show(self.observer, &scratch.total);
                 swap(tile, scratch);
                 done.fetch_add(1, Ordering::Relaxed);
                 let traced = scratch.counts.total() - before;

@@ -1,6 +1,6 @@
 //! The rooms' answers to what the integrator asks about matter: ground, waterline, sky view, spray, heights.
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 use super::{GroundLook, Matter, SprayLook};
 use crate::{
@@ -9,7 +9,7 @@ use crate::{
     optics::Rainbow,
     particles::{self, Texel, Textures},
     surface::SplineSurface,
-    terrain::{Ground, GroundPoint, SkyView, Waterline},
+    terrain::{Ground, GroundPoint, PlacedTexture, SkyView, Waterline},
 };
 
 /// The matter of one frame, borrowed from the rooms that made it, all in the local frame.
@@ -17,6 +17,8 @@ use crate::{
 pub struct Looks<'a> {
     /// Colour and relief of the ground.
     pub ground: &'a Ground,
+    /// The image that lies on it; `None` without one.
+    pub ground_texture: Option<&'a PlacedTexture>,
     /// Levels of the nearest water, for the ground's colour.
     pub waterline: &'a Waterline,
     /// Share of the sky that the ground sees.
@@ -79,9 +81,17 @@ impl Matter for Looks<'_> {
         self.rainbow
     }
 
-    fn texture(&self, index: u32, place: [f32; 2]) -> Option<Texel> {
+    fn texture(&self, index: u32, place: [f32; 2], footprint: f32) -> Option<Texel> {
         let (seed, age) = self.spray.variation(index as usize)?;
-        Some(self.textures?.at(seed, age, place))
+        Some(self.textures?.at(seed, age, place, footprint))
+    }
+
+    fn ground_image(&self, position: Vec3, spans: [Vec3; 2]) -> Option<Vec4> {
+        Some(self.ground_texture?.at(position, spans))
+    }
+
+    fn has_ground_image(&self) -> bool {
+        self.ground_texture.is_some()
     }
 
     fn most_bubbles(&self) -> f32 {

@@ -118,14 +118,17 @@ impl World<'_> {
                 let look = self.matter.ground(contact.position, contact.shading, matte.depth, footprint);
                 matte.normal = if direction.dot(contact.normal) > 0.0 { -look.normal } else { look.normal };
                 matte.sky_view = look.sky_view;
-                matte.albedo = look.albedo;
+                let spans = carrier.cone.spans(carrier.distance, *direction, contact.normal);
+                let image = self.matter.ground_image(contact.position, spans);
+                matte.albedo = image.map_or(look.albedo, |image| image.truncate() + (1.0 - image.w) * look.albedo);
             }
             Material::Spray { first } => {
                 let ball = matches!(part.shape, Shape::Spheres(_) | Shape::Curves(_));
                 if ball && direction.dot(contact.normal) > 0.0 && carrier.passed < PASSES {
                     return None;
                 }
-                let look = self.spray_look(part, first + *primitive, *primitive, contact, *direction);
+                let width = carrier.cone.width(carrier.distance);
+                let look = self.spray_look(part, first + *primitive, *primitive, contact, *direction, width);
                 matte.own_layer = Layer::Spray;
                 matte.velocity = look.velocity;
                 matte.opacity = look.opacity;

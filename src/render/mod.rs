@@ -6,6 +6,7 @@ mod batches;
 mod camera;
 pub mod caustics;
 mod checkpoint;
+mod cone;
 mod contact;
 mod cryptomatte;
 mod deep;

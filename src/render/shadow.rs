@@ -116,7 +116,7 @@ impl World<'_> {
         }
         let carrier = Carrier {
             distance: receiver.distance,
-            ..Carrier::camera(receiver.weight, receiver.place, receiver.in_water)
+            ..Carrier::camera(receiver.weight, receiver.place, receiver.in_water, self.pixel_cone())
         };
         let value = |direction: Vec3| receiver.cosine(direction);
         let asker = Asker {
@@ -219,8 +219,9 @@ impl World<'_> {
                 }
                 // A ball is met twice, on the way in and on the way out, and counts once.
                 if !outward || matches!(part.shape, Shape::Discs(_)) {
-                    carrier.share *=
-                        1.0 - self.spray_look(part, first + primitive, primitive, &contact, direction).opacity;
+                    // Towards a light, a ray is as narrow as a line.
+                    let look = self.spray_look(part, first + primitive, primitive, &contact, direction, 0.0);
+                    carrier.share *= 1.0 - look.opacity;
                 }
             }
             Material::Ground | Material::Diffuse(_) | Material::VertexColours(_) => return,

@@ -56,8 +56,8 @@ impl World<'_> {
         (share, share * value)
     }
 
-    /// A particle's look where a ray along `direction` has met it: of a billboard with a texture, that point's; of balls and
-    /// streaks as opaque as what the ray passes of them.
+    /// A particle's look where a ray along `direction` has met it: of a billboard with a texture, what a ray of `width` (m) sees
+    /// of it there; of balls and streaks as opaque as what the ray passes of them.
     pub(super) fn spray_look(
         &self,
         part: &Part,
@@ -65,6 +65,7 @@ impl World<'_> {
         primitive: u32,
         contact: &Contact,
         direction: Vec3,
+        width: f32,
     ) -> SprayLook {
         let mut look = self.matter.spray(index);
         if matches!(part.shape, Shape::Spheres(_) | Shape::Curves(_)) {
@@ -81,7 +82,8 @@ impl World<'_> {
             // Upright in the world, from whichever side it is seen; seen from above, x is east.
             let right = Vec3::Y.cross(axis).normalize_or(Vec3::X);
             let place = [right, axis.cross(right)].map(|side| offset.dot(side) / discs.radius[primitive as usize]);
-            if let Some(texel) = self.matter.texture(index, place) {
+            let footprint = width / discs.radius[primitive as usize];
+            if let Some(texel) = self.matter.texture(index, place, footprint) {
                 look.albedo *= texel.color;
                 look.opacity *= texel.alpha;
             }

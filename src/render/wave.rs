@@ -227,6 +227,7 @@ impl World<'_> {
                 throughput,
                 Place { pixel, path: path as u32 },
                 self.eye_in_water,
+                self.pixel_cone(),
             ));
         }
         scratch.counts.primary += scratch.wave.rays.len() as u64;

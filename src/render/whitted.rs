@@ -47,8 +47,9 @@ impl World<'_> {
         film.add_guide(carrier.place.pixel, carrier.guide, Vec3::ONE, Vec3::ZERO);
         if carrier.in_water {
             // Water without an end: clear channels still see the sky's light, n^2 denser.
-            let light =
-                self.sky.radiance(direction) * self.density() * transmittance(self.water.absorption, f32::INFINITY);
+            let light = self.sky_over(&carrier, direction)
+                * self.density()
+                * transmittance(self.water.absorption, f32::INFINITY);
             film.add(carrier.place, carrier.layer.unwrap_or(Layer::Sky), SKY, carrier.throughput * light);
             return;
         }
@@ -56,14 +57,20 @@ impl World<'_> {
             // Only the camera's own rays see the sun's disc: on water it is the highlight's matter.
             if self.sky_visible {
                 let disc = if self.sun.contains(direction) { self.sun.disc_radiance } else { Vec3::ZERO };
-                film.add(carrier.place, Layer::Sky, SKY, carrier.throughput * self.sky.radiance(direction));
+                film.add(carrier.place, Layer::Sky, SKY, carrier.throughput * self.sky_over(&carrier, direction));
                 film.add(carrier.place, Layer::Sky, SUN, carrier.throughput * disc);
             } else {
                 film.add_uncovered(carrier.place.pixel, carrier.throughput.x);
             }
             return;
         };
-        film.add(carrier.place, layer, SKY, carrier.throughput * self.sky.radiance(direction));
+        film.add(carrier.place, layer, SKY, carrier.throughput * self.sky_over(&carrier, direction));
+    }
+
+    /// What a ray that met nothing sees of the sky.
+    #[inline]
+    fn sky_over(&self, carrier: &Carrier, direction: Vec3) -> Vec3 {
+        self.sky.mean_radiance(direction, carrier.cone.angle)
     }
 
     /// A ray that met something: absorption on its way, the film's data, then light by material.
@@ -181,6 +188,10 @@ impl World<'_> {
             }
         }
 
+        // One ray stands for all that the ripples send on. Half of their normals lie within alpha of the surface's (GGX), their
+        // mirrored rays within twice that on either side, and less across by the cosine: as round as that is wide.
+        let ripples = self.water.alpha.map_or(0.0, |alpha| 2.0 * alpha * cosine.sqrt());
+        let bend = self.bend(arrival) + if self.has_images { ripples } else { 0.0 };
         let beyond = self.cover_water(carrier, arrival.seen, scratch);
         let child = Carrier { depth: carrier.depth + 1, primary: false, sight: Sight::Over, ..*carrier };
         // Inside, the mirror must not lose light: the report's specular factor is meant for what the eye sees from outside.
@@ -189,6 +200,7 @@ impl World<'_> {
             throughput: carrier.throughput * mirror * reflectance,
             guide: 0.0,
             layer: Some(reflection_layer),
+            cone: carrier.cone.mirrored(carrier.distance, bend),
             ..child
         };
         self.spawn(mirrored, reflected, contact, Kind::Reflection, scratch);
@@ -200,6 +212,7 @@ impl World<'_> {
                 throughput: carrier.throughput * (Vec3::splat(1.0 - reflectance) - diffuse) * density,
                 guide: carrier.guide * (1.0 - reflectance),
                 layer: Some(refraction_layer),
+                cone: carrier.cone.refracted(carrier.distance, bend, eta_to / eta_from),
                 in_water: !from_water,
                 within: arrival.beyond(),
                 notes_path: carrier.primary && !from_water,
@@ -275,7 +288,7 @@ impl World<'_> {
         if carrier.depth > self.depth || brightest < LEAST_THROUGHPUT {
             if brightest > 0.0 {
                 let density = if carrier.in_water { self.density() } else { 1.0 };
-                let light = carrier.throughput * self.sky.radiance(direction) * density;
+                let light = carrier.throughput * self.sky_over(&carrier, direction) * density;
                 scratch.film.add(carrier.place, carrier.layer.unwrap_or(Layer::Sky), SKY, light);
             }
             scratch.film.add_guide(carrier.place.pixel, carrier.guide, Vec3::ONE, Vec3::ZERO);

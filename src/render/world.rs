@@ -1,7 +1,7 @@
 //! What shading knows of the whole frame: looks, lights, the water's constants, tolerances. Nothing here changes while
 //! a picture is rendered.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec4};
 
 use crate::{
     accel::Accelerator,
@@ -16,9 +16,11 @@ use crate::{
 use super::{
     Camera, Moment, Sampler,
     caustics::{BeamError, BeamMap, BeamSun, Manifold},
+    cone::{self, Cone},
     cryptomatte::{Names, Things},
     single_scattering,
     spray::Bow,
+    wave::Arrival,
 };
 
 /// The look of the ground at a point.
@@ -80,9 +82,19 @@ pub trait Matter: Sync {
     fn rainbow(&self) -> Option<&Rainbow> {
         None
     }
-    /// The texture of particle `index` as a billboard at x, y, each -1 to 1 over its disc, y upright; `None` without one.
-    fn texture(&self, _index: u32, _place: [f32; 2]) -> Option<Texel> {
+    /// The texture of particle `index` as a billboard at x, y, each -1 to 1 over its disc, y upright, averaged over a
+    /// `footprint` of the same unit; `None` without one.
+    fn texture(&self, _index: u32, _place: [f32; 2], _footprint: f32) -> Option<Texel> {
         None
+    }
+    /// The image on the ground at `position`: albedo times cover, and cover, over a footprint that two `spans` across it (m)
+    /// give; `None` without one.
+    fn ground_image(&self, _position: Vec3, _spans: [Vec3; 2]) -> Option<Vec4> {
+        None
+    }
+    /// Whether there is an image on the ground.
+    fn has_ground_image(&self) -> bool {
+        false
     }
     /// The bubbles in the water under its surface at x, z; `None` where there are none.
     fn bubbles(&self, _x: f32, _z: f32) -> Option<Aeration> {
@@ -282,6 +294,8 @@ pub(super) struct World<'a> {
     pub(super) things: Things,
     /// Links may be thinned by spray, or by sheets of it.
     pub(super) may_thin: bool,
+    /// There are images whose detail a ray's width averages: how the water bends it is worth knowing.
+    pub(super) has_images: bool,
     /// Tolerance of a surface hit: metres, and metres per metre travelled.
     pub(super) tolerance: [f32; 2],
     /// The same for rays after the first.
@@ -374,6 +388,7 @@ impl<'a> World<'a> {
                 .parts
                 .iter()
                 .any(|part| matches!(part.material, Material::Spray { .. } | Material::Sheet)),
+            has_images: sky.is_image() || matter.has_ground_image(),
             tolerance,
             secondary_tolerance: tolerance.map(|part| part * scene.surface.secondary_accuracy as f32),
         };
@@ -398,6 +413,22 @@ impl<'a> World<'a> {
             }
         }
         Ok(world)
+    }
+
+    /// The width of the camera's rays.
+    #[inline]
+    pub(super) fn pixel_cone(&self) -> Cone {
+        Cone::pixel(self.camera.pixel_angle() as f32)
+    }
+
+    /// By how much the normal of water turns over what a ray covers where it has met it; 0 where no image asks.
+    #[inline]
+    pub(super) fn bend(&self, arrival: &Arrival) -> f32 {
+        if !self.has_images {
+            return 0.0;
+        }
+        let Arrival { carrier, direction, part, primitive, place, contact, .. } = arrival;
+        cone::bend(part, *primitive, *place, contact, *direction, carrier.cone.width(carrier.distance))
     }
 
     /// Tolerance (m) at the start of a reflected, refracted or shadow ray, `distance` metres after the eye.

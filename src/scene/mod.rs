@@ -2,6 +2,7 @@
 //!
 //! [`load()`] is the way in. Whether the files that a scene names exist is not looked at here: the rooms that read them say so.
 
+mod bytes;
 mod check;
 mod deep;
 mod document;
@@ -20,6 +21,7 @@ mod types;
 mod water;
 mod water_types;
 
+pub use bytes::{BYTE_UNITS, EXPECTED_BYTES, bytes};
 pub use deep::{Deep, DeepWater};
 pub use errors::{Place, SceneError, SceneErrors};
 pub use foam::{Foam, FoamLimits, FoamRate};

@@ -101,6 +101,9 @@ pub struct Render {
     /// Width of the filter in pixels.
     #[schemars(range(min = 0.1, max = 16.0))]
     pub filter_width: f64,
+    /// Most memory, as `512M` or `2G`, for what is kept of textures that are read piece by piece (.tx, and .exr and .tif with
+    /// mip levels, where OpenImageIO is built in); what exceeds it is read again. All others are held whole.
+    pub texture_memory: String,
 }
 impl Default for Render {
     fn default() -> Self {
@@ -124,6 +127,7 @@ impl Default for Render {
             clamp: None,
             filter: PixelFilter::BlackmanHarris,
             filter_width: 3.3,
+            texture_memory: "1G".to_owned(),
         }
     }
 }

@@ -10,8 +10,8 @@ use serde_json::{Value, json};
 use super::document::Node;
 use super::errors::SceneError;
 use super::{
-    Caustics, Coefficients, Compression, Overscan, PhaseKind, Representation, Scene, SkyKind, SolverKind, WaterAccel,
-    WaterPreset,
+    Caustics, Coefficients, Compression, EXPECTED_BYTES, Overscan, PhaseKind, Representation, Scene, SkyKind,
+    SolverKind, WaterAccel, WaterPreset, bytes,
 };
 
 /// Schlick's reflectance of water at normal incidence in the report's preset: ((1.333 - 1) / (1.333 + 1))^2, rounded.
@@ -57,6 +57,7 @@ pub(super) fn check(scene: &Scene, root: &Node, known: &[SceneError]) -> Vec<Sce
     rules.accelerators(scene);
     rules.foam(scene);
     rules.overscan(scene);
+    rules.textures(scene);
     rules.stereo(scene);
     if let Some(simulation) = &scene.simulation {
         rules.simulation(simulation);
@@ -148,6 +149,19 @@ impl Rules<'_> {
         }
     }
 
+    fn textures(&mut self, scene: &Scene) {
+        if bytes(&scene.render.texture_memory).is_none() {
+            self.inconsistent("render.texture_memory", EXPECTED_BYTES);
+        }
+        if scene.terrain.texture_extent.is_some_and(|[x0, z0, x1, z1]| x0 >= x1 || z0 >= z1) {
+            let expected = "x and z of the north-western corner and, greater than those, of the south-eastern corner";
+            self.inconsistent("terrain.texture_extent", expected);
+        }
+        if scene.terrain.texture.is_none() && scene.terrain.texture_extent.is_some() {
+            self.missing("terrain.texture", "an image, since terrain.texture_extent says where it lies");
+        }
+    }
+
     /// A potential grows from its first limit to its second.
     fn foam(&mut self, scene: &Scene) {
         let limits = &scene.foam.limits;
@@ -172,6 +186,7 @@ impl Rules<'_> {
         let single = [
             ("environment.model", &scene.environment.model),
             ("mist.file", &scene.mist.file),
+            ("terrain.texture", &scene.terrain.texture),
             ("sky.image", &sky.image),
             ("sky.above", &sky.above),
             ("sky.below", &sky.below),

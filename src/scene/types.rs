@@ -350,6 +350,19 @@ pub enum Ground {
     Plain,
 }
 
+/// What is outside of the ground's image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum TextureWrap {
+    /// The same again.
+    #[default]
+    Repeat,
+    /// Its outermost pixels.
+    Clamp,
+    /// The ground without it.
+    Once,
+}
+
 /// `[terrain]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -362,6 +375,14 @@ pub struct Terrain {
     /// Metres over which the natural ground's pattern repeats its coarsest detail; by default 20 column widths.
     #[schemars(range(min = 0.001, max = 1000000000.0))]
     pub detail: Option<f64>,
+    /// An image (.png, .jpg, .exr, .hdr; .tx where OpenImageIO is built in) laid over the ground from above, relative to the
+    /// scene file: its albedo, its upper edge in the north. What it leaves transparent has the ground's own colour.
+    pub texture: Option<String>,
+    /// What of the ground it covers once: x and z of its north-western and of its south-eastern corner (m); by default all columns.
+    #[schemars(inner(range(min = -1000000000000.0, max = 1000000000000.0)))]
+    pub texture_extent: Option<[f64; 4]>,
+    /// `repeat`, `clamp` or `once`: what is beyond.
+    pub texture_wrap: TextureWrap,
     /// Whether the bed is there at all.
     pub visible: bool,
     /// Whether the ground is closed by upright walls at the domain's edge, like a block cut out of the land.
@@ -369,7 +390,16 @@ pub struct Terrain {
 }
 impl Default for Terrain {
     fn default() -> Self {
-        Self { ground: Ground::Natural, albedo: [0.3, 0.28, 0.24], detail: None, visible: true, sides: true }
+        Self {
+            ground: Ground::Natural,
+            albedo: [0.3, 0.28, 0.24],
+            detail: None,
+            texture: None,
+            texture_extent: None,
+            texture_wrap: TextureWrap::Repeat,
+            visible: true,
+            sides: true,
+        }
     }
 }
 
@@ -666,6 +696,8 @@ pub enum View {
     Filmic,
     /// Clipped, then sRGB.
     Srgb,
+    /// A fit of the Academy's (ACES) transforms, then sRGB.
+    Aces,
 }
 
 /// `[output]`.
@@ -678,7 +710,7 @@ pub struct Output {
     pub compression: Compression,
     /// `rec709` or `acescg`: primaries of the colours of EXR.
     pub colorspace: Colorspace,
-    /// `filmic` or `srgb`, for PNG, JPEG and BMP.
+    /// `filmic`, `srgb` or `aces`, for PNG, JPEG and BMP.
     pub view: View,
     /// Stops of exposure for PNG, JPEG and BMP.
     #[schemars(range(min = -100.0, max = 100.0))]

@@ -4,6 +4,7 @@
 //! maps and landforms are where a simulation's bed comes from.
 
 mod ground;
+mod ground_texture;
 mod height_map;
 mod landform;
 mod mesh;
@@ -15,6 +16,7 @@ mod waterline;
 use std::path::PathBuf;
 
 pub use ground::{Ground, GroundPoint};
+pub use ground_texture::{GroundTexture, PlacedTexture};
 pub use height_map::{HeightMap, Reading};
 pub use landform::{LARGEST_NUMBER_OF_COLUMNS, land};
 pub use mesh::{DEFAULT_ALBEDO, Mesh, MeshAlbedo, load_mesh};
@@ -74,6 +76,9 @@ pub enum TerrainError {
         /// How many there are.
         vertices: usize,
     },
+    /// The image of the ground cannot be read, or could not be read any more.
+    #[error("terrain.texture: {0}")]
+    Texture(#[from] crate::images::Unreadable),
     /// A panel whose corners span nothing.
     #[error("panel {corners:?} has no area; expected four corners, counter-clockwise seen from outside")]
     FlatPanel {

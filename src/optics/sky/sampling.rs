@@ -184,8 +184,10 @@ fn direction(heading: &Heading, slope: &Slope) -> Vec3 {
 fn look(sky: &Sky, heading: &Heading, slope: &Slope) -> Vec3 {
     let (u, v) = (heading.u as f32, slope.v as f32);
     match &sky.kind {
-        Kind::LatLong { image, turn } => image.at(u - turn, v) * sky.scale,
-        Kind::Skybox { above, below, turn } => (if slope.v < 0.5 { above } else { below }).at(u - turn, v) * sky.scale,
+        Kind::LatLong { image, turn } => image.look(u - turn, v) * sky.scale,
+        Kind::Skybox { above, below, turn } => {
+            (if slope.v < 0.5 { above } else { below }).look(u - turn, v) * sky.scale
+        }
         Kind::Constant(_) | Kind::Analytic(_) => sky.radiance(direction(heading, slope)),
     }
 }

@@ -258,3 +258,59 @@ fn preethams_sky_is_as_bright_as_the_other_and_has_its_ground() {
         }
     }
 }
+
+/// A sky of an image: stripes and squares of several sizes, with a bright sun.
+fn image_sky(folder: &Path, name: &str) -> scene::Sky {
+    let path = folder.join(name);
+    exr::prelude::write_rgb_file(&path, 128, 64, |x, y| {
+        let checker = ((x / 2 + y / 2) % 2) as f32;
+        let sun = if (40..43).contains(&x) && (12..15).contains(&y) { 300.0 } else { 0.0 };
+        (checker + sun, 0.5 + 0.3 * (y as f32 * 0.1).sin(), 0.01 * x as f32)
+    })
+    .unwrap();
+    scene::Sky { kind: scene::SkyKind::Latlong, image: Some(path.to_str().unwrap().into()), ..scene::Sky::default() }
+}
+
+#[test]
+fn a_mean_over_cones_keeps_the_light_of_the_whole_and_a_narrow_one_is_a_point() {
+    let folder = tempfile::tempdir().unwrap();
+    let sky = build(&image_sky(folder.path(), "sky.exr"), &scene::Sun::default());
+    let count = 200_000;
+    let all = |angle: f32| {
+        directions(count).map(|d| sky.mean_radiance(d, angle).as_dvec3()).sum::<glam::DVec3>() / count as f64
+    };
+    let points = directions(count).map(|d| sky.radiance(d).as_dvec3()).sum::<glam::DVec3>() / count as f64;
+    for angle in [0.0, 0.01, 0.05, 0.2] {
+        let ratio = all(angle) / points;
+        assert!((ratio - glam::DVec3::ONE).abs().max_element() < 0.02, "{angle}: {ratio}");
+    }
+    assert!(directions(1000).all(|d| sky.mean_radiance(d, 0.0) == sky.radiance(d)));
+    for d in [Vec3::Y, -Vec3::Y, Vec3::new(1e-20, 1.0, 0.0)] {
+        for angle in [0.0, 1e-3, 1.0, 7.0] {
+            assert!(sky.mean_radiance(d, angle).is_finite(), "{d} {angle}");
+        }
+    }
+}
+
+#[cfg(feature = "oiio")]
+#[test]
+fn a_sky_that_is_read_piece_by_piece_sends_the_same_light() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = image_sky(folder.path(), "sky.exr");
+    let tx = folder.path().join("sky.tx");
+    crate::images::make_texture(&folder.path().join("sky.exr"), &tx).unwrap();
+    let pieces = scene::Sky { image: Some(tx.to_str().unwrap().into()), ..whole.clone() };
+    for rotation in [0.0, 33.0] {
+        let [whole, pieces] =
+            [&whole, &pieces].map(|sky| build(&scene::Sky { rotation, ..sky.clone() }, &scene::Sun::default()));
+        for d in directions(2000) {
+            let (a, b) = (whole.radiance(d), pieces.radiance(d));
+            assert!(((a - b).abs() / (0.1 + a)).max_element() < 0.05, "{d}: {a} {b}");
+            let (a, b) = (whole.irradiance(d), pieces.irradiance(d));
+            assert!(((a - b).abs() / (0.1 + a)).max_element() < 0.05, "{d}: {a} {b}");
+        }
+        let [a, b] = [&whole, &pieces].map(SkySampler::new);
+        let apart = directions(2000).filter(|&d| (a.pdf(d) / b.pdf(d) - 1.0).abs() > 0.1).count();
+        assert!(apart < 100, "{apart}");
+    }
+}

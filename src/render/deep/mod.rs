@@ -269,8 +269,9 @@ impl World<'_> {
                     // It began inside: there is no span, and what it has passed stops nothing.
                     _ if outward && !flat => {}
                     _ => {
-                        let opacity =
-                            self.spray_look(part, first + primitive, primitive, &contact, way.direction).opacity;
+                        let width = self.pixel_cone().width(distance);
+                        let look = self.spray_look(part, first + primitive, primitive, &contact, way.direction, width);
+                        let opacity = look.opacity;
                         // What is flat, or lets nothing through, is a surface.
                         if flat || opacity >= 1.0 {
                             note(Kind::Spray, depth, depth, opacity);

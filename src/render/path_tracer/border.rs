@@ -59,6 +59,9 @@ impl World<'_> {
         };
         let child = Carrier { depth: carrier.depth + 1, sight: Sight::Over, ..*carrier };
         let tolerance = self.secondary_tolerance_at(carrier.distance);
+        // Ripples are drawn by chance here: only the surface itself widens a ray.
+        let bend = self.bend(arrival);
+        let eta = if from_water { self.water.ior.recip() } else { self.water.ior };
         let mirror = both || pick < reflectance;
         if let Some(bounce) = mirrored.filter(|_| mirror && reflectance > 0.0) {
             let weight = bounce.weight * if both { reflectance } else { 1.0 };
@@ -67,6 +70,7 @@ impl World<'_> {
                 throughput: carrier.throughput * weight,
                 guide: 0.0,
                 layer: Some(reflection_layer),
+                cone: carrier.cone.mirrored(carrier.distance, bend),
                 path: state(density, mirror_covered),
                 ..child
             };
@@ -87,6 +91,7 @@ impl World<'_> {
                     throughput: carrier.throughput * weight,
                     guide: if both { guide } else { guide / (1.0 - reflectance) },
                     layer: Some(refraction_layer),
+                    cone: carrier.cone.refracted(carrier.distance, bend, eta),
                     in_water: !from_water,
                     within: arrival.beyond(),
                     notes_path: carrier.primary && !from_water,

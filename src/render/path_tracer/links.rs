@@ -158,7 +158,9 @@ impl World<'_> {
         if let Material::Spray { first } = part.material {
             // A ball is met twice, on the way in and on the way out, and counts once.
             if cosine <= 0.0 || matches!(part.shape, Shape::Discs(_)) {
-                link.share *= 1.0 - self.spray_look(part, first + primitive, primitive, &contact, direction).opacity;
+                // Towards a light, a link is as narrow as a line.
+                let look = self.spray_look(part, first + primitive, primitive, &contact, direction, 0.0);
+                link.share *= 1.0 - look.opacity;
             }
         } else {
             // Unbent: both borders take the reflectance at the angle in air.

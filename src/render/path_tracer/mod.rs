@@ -143,7 +143,12 @@ impl World<'_> {
             return;
         }
         let layer = carrier.layer.unwrap_or(Layer::Sky);
-        let sky = self.sky.radiance(direction);
+        // Where the sky was asked for as well, both ways of finding it must see the same one.
+        let sky = if carrier.path.asked.sky {
+            self.sky.radiance(direction)
+        } else {
+            self.sky.mean_radiance(direction, carrier.cone.angle)
+        };
         let by_chance =
             if carrier.path.asked.sky { share(carrier.path.density, self.sky_density(direction)) } else { 1.0 };
         self.add_light(&carrier, layer, SKY, throughput * sky * by_chance, scratch);

@@ -10,10 +10,11 @@ mod promises;
 mod sampling;
 mod spray;
 mod streaks;
+mod textures;
 
 use std::{path::Path, sync::Arc, sync::atomic::AtomicBool};
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec4};
 
 use super::*;
 use crate::{
@@ -29,6 +30,9 @@ use crate::{
     surface::{Lattice, SplineSurface},
 };
 
+/// The image on the ground at a place, over two spans across what is seen.
+pub(super) type GroundImage = Box<dyn Fn(Vec3, [Vec3; 2]) -> Vec4 + Sync>;
+
 /// One albedo, one particle look, level water over a level bed.
 pub(super) struct Flat {
     pub(super) water: Option<f32>,
@@ -41,6 +45,7 @@ pub(super) struct Flat {
     pub(super) drop_radius: Option<f32>,
     pub(super) rainbow: Option<Rainbow>,
     pub(super) texture: Option<fn([f32; 2]) -> Texel>,
+    pub(super) ground_image: Option<GroundImage>,
 }
 
 impl Default for Flat {
@@ -57,6 +62,7 @@ impl Default for Flat {
             drop_radius: None,
             rainbow: None,
             texture: None,
+            ground_image: None,
         }
     }
 }
@@ -89,8 +95,14 @@ impl Matter for Flat {
     fn rainbow(&self) -> Option<&Rainbow> {
         self.rainbow.as_ref()
     }
-    fn texture(&self, _index: u32, place: [f32; 2]) -> Option<Texel> {
+    fn texture(&self, _index: u32, place: [f32; 2], _footprint: f32) -> Option<Texel> {
         self.texture.map(|texture| texture(place))
+    }
+    fn ground_image(&self, position: Vec3, spans: [Vec3; 2]) -> Option<Vec4> {
+        self.ground_image.as_ref().map(|image| image(position, spans))
+    }
+    fn has_ground_image(&self) -> bool {
+        self.ground_image.is_some()
     }
 }
 
