@@ -72,11 +72,6 @@ pub fn load_mesh(path: &Path) -> Result<Mesh, TerrainError> {
     check(path, raw)
 }
 
-/// sRGB's decoding (IEC 61966-2-1), 0..1.
-fn srgb_to_linear(value: f32) -> f32 {
-    if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
-}
-
 fn broken(path: &Path, reason: impl ToString) -> TerrainError {
     TerrainError::Mesh { path: path.to_owned(), reason: reason.to_string() }
 }

@@ -8,7 +8,8 @@ use ply_rs_bw::{
     ply::{DefaultElement, Property, PropertyAccess, PropertyAccessResult, PropertyType},
 };
 
-use super::{DEFAULT_ALBEDO, Raw, TerrainError, broken, srgb_to_linear};
+use super::{DEFAULT_ALBEDO, Raw, TerrainError, broken};
+use crate::images::srgb_to_linear;
 
 struct Vertex {
     position: DVec3,
