@@ -10,6 +10,7 @@ mod look;
 pub mod merge;
 mod moments;
 mod movie;
+mod prepare;
 pub mod progress;
 pub mod render;
 pub mod schema;

@@ -13,51 +13,21 @@ use super::keep;
 use super::load;
 use super::look::local_now;
 use super::moments::{self, MomentOfFrame};
+use super::prepare::{Run, deep_outputs, is_exr, prepare};
 use super::progress::Progress;
 use super::signals::StopFlag;
 use super::stats::{FrameStats, RunStats, part_names};
-use super::values::{Bytes, Viewer};
+use super::values::Bytes;
 use super::watch::Watch;
-use crate::denoise::{DenoiseReport, Denoiser};
+use crate::denoise::DenoiseReport;
 use crate::foam::{FoamField, FoamState};
-use crate::images::TextureMemory;
-use crate::lower::{self, Environment, LoweredFrame};
-use crate::optics::{Rainbow, Sky};
-use crate::output::{
-    self, Claim, DeepPicture, Metadata, Picture, Preview, Window, WriteOptions, WriteReport, layers, naming,
-};
+use crate::lower::LoweredFrame;
+use crate::output::{self, Claim, DeepPicture, Metadata, Picture, Window, WriteOptions, WriteReport, layers, naming};
 use crate::particles::Textures;
-use crate::render::{self, CameraPath, Job, Keeping, Looks, Mattes, RenderStats, Task};
-use crate::scene::{self, LoadedScene, Overscan};
-use crate::simd::SimdLevel;
-use crate::state::{Columns, Frame, FrameSequence};
-use crate::surface::{SplineSurface, control};
+use crate::render::{self, Job, Keeping, Looks, Mattes, RenderStats, Task};
+use crate::scene::{self};
+use crate::state::Frame;
 use crate::terrain::{Ground, GroundTexture, PlacedTexture, SkyView, Waterline};
-
-/// What all frames of a run share.
-struct Run<'a> {
-    arguments: &'a RenderArgs,
-    loaded: LoadedScene,
-    frames: FrameSequence,
-    numbers: Vec<i64>,
-    outputs: Vec<PathBuf>,
-    options: WriteOptions,
-    environment: Environment,
-    sky: Sky,
-    /// How drops scatter sunlight, where the scene asks.
-    rainbow: Option<Rainbow>,
-    /// What is on billboards.
-    textures: Option<Textures>,
-    /// What lies on the ground.
-    ground_texture: Option<GroundTexture>,
-    path: CameraPath,
-    crop: Option<Window>,
-    simd: SimdLevel,
-    threads: usize,
-    denoiser: Option<Denoiser>,
-    /// A viewer that watches.
-    preview: Option<Preview>,
-}
 
 /// Runs the command.
 ///
@@ -127,172 +97,6 @@ pub fn run(arguments: &RenderArgs) -> Result<Outcome, CliError> {
     Ok(outcome)
 }
 
-/// Everything that can be read and checked before the first frame.
-fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
-    let simd = arguments.simd.level()?;
-    let loaded = scene::load(&arguments.scene.scene, &arguments.overrides())?;
-    let settings = &loaded.scene;
-    let crop = match arguments.crop {
-        Some(crop) => Some(
-            crop.window(settings.render.width, settings.render.height)
-                .map_err(|problem| CliError::Option { option: "--crop", problem })?,
-        ),
-        None => None,
-    };
-    let crop = overscanned(crop, settings);
-    let threads = arguments.threads.or(std::thread::available_parallelism().ok()).map_or(1, std::num::NonZero::get);
-    // Embree's builds and EXR's compression follow the global pool; a program that calls twice keeps its first.
-    let _ = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
-    let options = WriteOptions {
-        reproducible: arguments.reproducible,
-        captured: Some(local_now()),
-        ..WriteOptions::from_scene(&settings.output)
-    };
-    if let Some(names) = &arguments.layers {
-        layers::check(names).map_err(anyhow::Error::from)?;
-    }
-    let frames = load::frames(&loaded)?;
-    let numbers = match arguments.selection() {
-        Some(selection) => selection.numbers().to_vec(),
-        None => frames.iter().map(|(number, _)| number).collect(),
-    };
-    let missing: Vec<i64> = numbers.iter().copied().filter(|&number| frames.path(number).is_none()).collect();
-    if let Some(&greatest) = missing.iter().max() {
-        const LISTED: usize = 10;
-        let (first, last) = (frames.first(), frames.last());
-        let listed: Vec<String> = missing.iter().take(LISTED).map(i64::to_string).collect();
-        let more = missing.len() - listed.len();
-        return Err(anyhow::anyhow!(
-            "{}: there is no frame {}{}; there are {} from {first} to {last}{}",
-            settings.frames.files,
-            listed.join(", "),
-            if more > 0 { format!(" and {more} more") } else { String::new() },
-            frames.len(),
-            load::how_to_make(&loaded, Some(greatest))
-        )
-        .into());
-    }
-    for &number in &numbers {
-        load::mist_file(&loaded, number)?;
-    }
-    let mut outputs = arguments.output.clone();
-    // Several frames under one name would overwrite one another.
-    for output in &mut outputs {
-        if numbers.len() > 1 {
-            *output = naming::numbered(output);
-        }
-        for &number in &numbers {
-            output::check(&naming::with_frame(output, number), &options).map_err(anyhow::Error::from)?;
-        }
-    }
-    if settings.output.deep.enabled {
-        let by_default = [PathBuf::from("scene.exr")];
-        for output in deep_outputs(if outputs.is_empty() { &by_default } else { &outputs }) {
-            for &number in &numbers {
-                output::check_deep(&naming::with_frame(&output, number)).map_err(anyhow::Error::from)?;
-            }
-        }
-    }
-    check_parts(arguments, settings, &options)?;
-    // Loaded before the first ray: a library that is missing must not cost hours.
-    let denoiser = arguments
-        .denoise
-        .then(|| Denoiser::new(threads))
-        .transpose()
-        .map_err(|error| anyhow::Error::new(error).context("--denoise"))?;
-    let viewer = arguments.tev.as_ref().map(|Viewer { host, port }| Preview::connect(host, *port));
-    let preview = viewer.transpose().map_err(|error| anyhow::Error::new(error).context("--tev"))?;
-    let environment = load::environment(&loaded, &frames)?;
-    let bytes = scene::bytes(&settings.render.texture_memory).context("render.texture_memory was checked")?;
-    let memory = TextureMemory::new(bytes);
-    let sky = Sky::build_within(&memory, &settings.sky, &settings.sun, &loaded.directory);
-    let sky = sky.map_err(anyhow::Error::from)?;
-    let ground_texture = GroundTexture::load(&settings.terrain, &loaded.directory, &memory);
-    let ground_texture = ground_texture.map_err(anyhow::Error::from)?;
-    let particles = &settings.particles;
-    let rainbow = (particles.rainbow > 0.0).then(|| Rainbow::build(particles.rainbow_spread));
-    let textures = Textures::load(particles, &loaded.directory, &memory).map_err(anyhow::Error::from)?;
-    let path = camera_path(&loaded, &frames)?;
-    Ok(Run {
-        arguments,
-        outputs,
-        frames,
-        numbers,
-        options,
-        environment,
-        sky,
-        rainbow,
-        textures,
-        ground_texture,
-        path,
-        crop,
-        simd,
-        threads,
-        denoiser,
-        preview,
-        loaded,
-    })
-}
-
-/// A crop, or the whole frame, with the overscan that the scene asks for around it.
-fn overscanned(crop: Option<Window>, settings: &scene::Scene) -> Option<Window> {
-    let Some(overscan) = settings.output.overscan.as_deref().and_then(Overscan::parse) else { return crop };
-    let (width, height) = (settings.render.width, settings.render.height);
-    let [across, down] = overscan.margins(width, height);
-    let inner = crop.unwrap_or(Window { x: 0, y: 0, width, height });
-    // Frame and overscan are at most some ten thousand pixels each (the scene's schema): nothing overflows.
-    Some(Window {
-        x: inner.x - across as i32,
-        y: inner.y - down as i32,
-        width: inner.width + 2 * across,
-        height: inner.height + 2 * down,
-    })
-}
-
-/// Whether a part of a picture was asked for that can be joined later, and checkpoints that can be found again.
-fn check_parts(arguments: &RenderArgs, settings: &scene::Scene, options: &WriteOptions) -> Result<(), CliError> {
-    let option = match (&arguments.tile, &arguments.sample_range) {
-        (Some(_), _) => Some("--tile"),
-        (None, Some(_)) => Some("--sample-range"),
-        _ => None,
-    };
-    if let Some(option) = option {
-        let problem = if arguments.denoise {
-            Some("--denoise looks at the whole picture: leave it out")
-        } else if settings.output.deep.enabled {
-            Some("deep pictures (--deep, output.deep.enabled) cannot be joined: render them whole")
-        } else if settings.camera.stereo.is_some() {
-            Some("a pair of eyes (--stereo, camera.stereo) cannot be joined: render one eye at a time")
-        } else if arguments.output.iter().any(|path| !is_exr(path)) {
-            Some("expected -o NAME.exr: only EXR says which part of a picture it is")
-        } else if options.compression == scene::Compression::Dwaa {
-            Some("--compression dwaa would lose bits twice: give it to `whitewater merge` instead")
-        } else {
-            None
-        };
-        if let Some(problem) = problem {
-            return Err(anyhow::anyhow!("{option}: {problem}").into());
-        }
-    }
-    let wanted = [("--resume", arguments.resume), ("--keep-checkpoint", arguments.keep_checkpoint)];
-    if let Some((option, _)) = wanted.iter().find(|(_, given)| *given) {
-        if !arguments.output.iter().any(|path| is_exr(path)) {
-            return Err(anyhow::anyhow!("{option}: expected -o NAME.exr, beside which the checkpoint lies").into());
-        }
-        if settings.camera.stereo.is_some() {
-            return Err(anyhow::anyhow!("{option}: a pair of eyes (camera.stereo) has no checkpoint").into());
-        }
-        if arguments.checkpoint.is_zero() {
-            return Err(anyhow::anyhow!("{option}: --checkpoint 0 keeps none; expected some seconds").into());
-        }
-    }
-    Ok(())
-}
-
-fn is_exr(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"))
-}
-
 /// How the state of a frame is kept, if it is.
 fn keeping(run: &Run, number: i64) -> Result<Option<Keeping>, CliError> {
     let arguments = run.arguments;
@@ -315,26 +119,6 @@ fn keeping(run: &Run, number: i64) -> Result<Option<Keeping>, CliError> {
         owner: output.owner.clone(),
         comments: output.comments.clone(),
     }))
-}
-
-/// The camera over all frames. Without a place of its own it is framed on the sequence's first frame, whichever frames
-/// are asked for: so it stands still, and a frame rendered alone looks the same.
-fn camera_path(loaded: &LoadedScene, frames: &FrameSequence) -> Result<CameraPath, CliError> {
-    let camera = &loaded.scene.camera;
-    let settings = &loaded.scene.render;
-    let placed = !camera.key.is_empty() || (camera.eye.is_some() && camera.look_at.is_some());
-    let first = if placed { None } else { Some(load::frame(loaded, frames, frames.first())?) };
-    let path = CameraPath::from_scene(camera, || {
-        let columns = first.as_ref().map_or_else(Columns::default, |frame| frame.columns.clone());
-        let points = lower::points_to_frame(&columns, loaded.scene.surface.dry_threshold);
-        let bed = control::bed(&columns, &loaded.scene.surface, [0.0; 3])
-            .ok()
-            .map(|lattice| SplineSurface::new(lattice, scene::SolverKind::Reference, SimdLevel::Portable));
-        let ground = |x: f64, z: f64| bed.as_ref()?.point(x, z).map(|(height, _)| height);
-        let aspect = camera.pixel_aspect * f64::from(settings.width) / f64::from(settings.height);
-        render::frame_points(&points, &ground, aspect, camera.fov)
-    });
-    Ok(path.map_err(anyhow::Error::from)?)
 }
 
 /// One frame from its file to its pictures.
@@ -566,13 +350,6 @@ fn write(
         }
     }
     Ok(files)
-}
-
-/// The names of the deep pictures beside those of flat ones: of EXRs, or, where there are none, of all, which will be refused.
-fn deep_outputs(outputs: &[PathBuf]) -> Vec<PathBuf> {
-    let is_exr = |path: &&PathBuf| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr"));
-    let exr: Vec<PathBuf> = outputs.iter().filter(is_exr).map(|path| naming::deep(path)).collect();
-    if exr.is_empty() { outputs.iter().map(|path| naming::deep(path)).collect() } else { exr }
 }
 
 fn write_one(picture: &Picture, path: &Path, options: &WriteOptions) -> Result<WriteReport, CliError> {
