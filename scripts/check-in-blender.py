@@ -10,6 +10,7 @@ Works on files of both profiles, of one eye or two, of any compression, on the p
 * adds up the layers of light, and the lights: the beauty, within the rounding of the halfs that they are stored in;
 * pulls a matte of every name of the three Cryptomattes: the coverage decoded straight from ids and ranks;
 * has other water by `water.path`: what the formula gives;
+* puts a lamp in by place, normal and albedo: what the formula gives;
 * blurs by motion and depth (Vector Blur): what rests stays, what moves is spread along its motion, not across it;
 * puts the frame out of focus (Defocus): more where the lens of the file's attributes says so.
 
@@ -26,8 +27,9 @@ import tempfile
 
 LIGHT = "reflection refraction volume caustics spray foam mist terrain sky".split()
 HALF_ULP = 2.0**-11  # half an ulp of a half, relative; 2^-25 absolute below its normal numbers
-MORE_WATER = (0.9, 0.25, 0.15)  # 1/m, added to the water's absorption
-EVENING = {"light_sun": (1.0, 0.55, 0.25), "light_sky": (0.25, 0.35, 0.6)}
+MORE_WATER = (0.6, 0.1, 0.5)  # 1/m, added to the water's absorption
+EVENING = {"light_sun": (1.0, 0.45, 0.12), "light_sky": (0.1, 0.15, 0.3)}
+LAMP = (6.0, 2.4, 0.6)  # radiance of a white card a metre from a lamp that is put in by `P` and `N`
 SHUTTER = 0.5  # of a frame
 
 
@@ -331,6 +333,7 @@ def check_view(verdict, frame, image, view, options):
         inside = graph.mix("MULTIPLY", graph.add([passes[n] for n in ("refraction", "caustics", "volume")]), stay)
         graph.keep("other-water", graph.add([inside, *(passes[n] for n in LIGHT if n not in ("refraction", "caustics", "volume"))]))
 
+    lamp = put_lamp(graph, frame, view)
     mattes = []
     for matte, manifest in frame.mattes():
         for name, identity in manifest.items():
@@ -386,6 +389,8 @@ def check_view(verdict, frame, image, view, options):
         outside = sum(frame.color(view, n) for n in LIGHT if n not in ("refraction", "caustics", "volume"))
         wanted = outside + inside * np.exp(-length.astype("f8")[..., None] * np.array(MORE_WATER))
         verdict.near("other water", made["other-water"][..., :3], wanted, 1e-5 * np.abs(wanted) + 1e-7)
+    if lamp is not None:
+        verdict.near("a lamp by place and normal", made["lamp"][..., :3], lamp, 1e-4 * np.abs(lamp) + 1e-6)
     for matte in sorted({key.split()[1] for key, _ in mattes}):
         mine = [(key, wanted) for key, wanted in mattes if key.split()[1] == matte]
         off = {key: np.abs(made[key][..., 0] - wanted).max() for key, wanted in mine}
@@ -398,11 +403,35 @@ def check_view(verdict, frame, image, view, options):
         check_defocus(verdict, frame, view, made["defocus"][..., :3].astype("f8"), sharp, lens)
 
     if options.pictures:
-        names = ["relit", "no-caustics", "other-water", "vector-blur", "defocus"] + [key for key, wanted in mattes if wanted.any()]
+        names = ["relit", "no-caustics", "other-water", "lamp", "vector-blur", "defocus"] + [key for key, wanted in mattes if wanted.any()]
         made["beauty"] = made["pass Combined"]
         for name in ["beauty", *names]:
             if name in made:
                 keep_picture(made[name], "-".join(filter(None, [view, *name.split()])), options)
+
+
+def put_lamp(graph, frame, view):
+    """Adds the light of a lamp a metre over what the frame's middle sees; gives what it should come to."""
+    names = next((n for n in (("P", "N", "albedo"), ("Position", "Normal", "Denoising Albedo")) if set(n) <= set(graph.passes)), None)
+    if not names:
+        return None
+    place, normal, albedo = (np.stack(frame.expected(view, name), -1).astype("f8") for name in names)
+    lamp = place[place.shape[0] // 2, place.shape[1] // 2] + (0, 1, 0)
+
+    def vector(operation, *values):
+        node = graph.node("ShaderNodeVectorMath", operation=operation)
+        for value, socket in zip(values, node.inputs):
+            graph.join(value, socket)
+        return node.outputs["Value" if operation in ("LENGTH", "DOT_PRODUCT") else "Vector"]
+
+    toward = vector("SUBTRACT", tuple(lamp), graph.passes[names[0]])
+    facing = graph.math("MAXIMUM", vector("DOT_PRODUCT", toward, graph.passes[names[1]]), 0.0)
+    light = graph.math("DIVIDE", facing, graph.math("POWER", vector("LENGTH", toward), 3.0))
+    lit = graph.mix("MULTIPLY", graph.passes[names[2]], graph.gather([graph.math("MULTIPLY", light, c) for c in LAMP]))
+    graph.keep("lamp", graph.add([graph.passes["Combined"], lit]))
+    toward = lamp - place
+    light = np.maximum((toward * normal).sum(-1), 0) / np.linalg.norm(toward, axis=-1) ** 3
+    return frame.color(view, "Combined") + albedo[..., :3] * light[..., None] * LAMP
 
 
 def place_lens(frame, view, options):
