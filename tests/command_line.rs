@@ -173,6 +173,22 @@ fn a_reader_that_has_gone_is_no_error() {
 }
 
 #[test]
+fn what_blender_cannot_read_is_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let tiny = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/tiny/scene.toml");
+    let path = folder.path().join("a.exr");
+    let said = |compression: &str| {
+        let arguments = ["render", tiny, "--frame", "0", "--profile", "blender", "--compression", compression, "-o"];
+        let output = command(&arguments).arg(&path).output().unwrap();
+        assert!(output.status.success(), "{}", complaint(&output));
+        complaint(&output)
+    };
+    let lossy = said("dwaa");
+    assert!(lossy.contains("Blender") && lossy.contains("leave it out"), "{lossy}");
+    assert!(!said("zip").contains("Blender"));
+}
+
+#[test]
 fn memory_thins_the_spray_until_it_fits_and_refuses_what_cannot() {
     use whitewater::state::{Columns, Encoding, Frame, Particles, save_frame};
     let (folder, path) = scene(

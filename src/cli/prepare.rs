@@ -69,6 +69,11 @@ pub(super) fn prepare(arguments: &RenderArgs) -> Result<Run<'_>, CliError> {
         captured: Some(local_now()),
         ..WriteOptions::from_scene(&settings.output)
     };
+    if options.profile == scene::Profile::Blender && options.compression == scene::Compression::Dwaa {
+        tracing::warn!(
+            "--compression dwaa: Blender 5 takes each part of such a file for a layer, and finds no matte: leave it out for Blender"
+        );
+    }
     if let Some(names) = &arguments.layers {
         layers::check(names).map_err(anyhow::Error::from)?;
     }

@@ -298,6 +298,12 @@ impl World<'_> {
         carrier.sight.times(1.0 - share)
     }
 
+    /// Whether a ray is in the water, and what it meets there counts as seen through its surface.
+    #[inline]
+    pub(super) fn sees_through_water(&self, carrier: &Carrier) -> bool {
+        carrier.in_water && self.things.asked && matches!(carrier.sight, Sight::Through(_))
+    }
+
     /// What a ray decides beyond the water's surface that it has met at `seen`.
     #[inline]
     pub(super) fn cover_water(&self, carrier: &Carrier, seen: Seen, scratch: &mut Scratch) -> Sight {

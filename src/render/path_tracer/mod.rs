@@ -182,7 +182,11 @@ impl World<'_> {
         let water = matches!(part.material, Material::Water | Material::Sheet);
         let lamp = self.lamp_on_the_way(origin, direction, t);
         let reach = lamp.map_or(t, |(_, t)| t);
+        self.thin_by_murk(carrier, reach);
         if !self.pass(carrier, origin, direction, reach, scratch) {
+            if lamp.is_none() && !water {
+                self.cover_behind_murk(&arrival, origin, direction, reach, scratch);
+            }
             return;
         }
         if let Some((lamp, _)) = lamp {

@@ -7,12 +7,16 @@ use super::{
         batches::{Asked, Carrier, PathState, Scratch},
         cryptomatte::Sight,
         film::Layer,
+        wave::Arrival,
         world::World,
     },
     Purpose, bubbles,
     by_surface::Asker,
 };
-use crate::optics::{Phase, Step};
+use crate::{
+    lower::Material,
+    optics::{Phase, Step},
+};
 
 impl World<'_> {
     /// Takes a path through `reach` metres of water. False if it was scattered on the way: it goes on from there by itself.
@@ -62,6 +66,41 @@ impl World<'_> {
         }
         self.scatter(at, origin + distance * direction, direction, phase, [numbers[2], numbers[3]], scratch);
         false
+    }
+
+    /// Takes from what is seen through the water the share that `reach` metres of it scatter.
+    ///
+    /// Not the share of paths that get through: absorption takes paths away as well, and hides nothing.
+    pub(super) fn thin_by_murk(&self, carrier: &mut Carrier, reach: f32) {
+        if self.sees_through_water(carrier) {
+            let unscattered = (-reach * self.medium.scattering).exp();
+            carrier.sight = carrier.sight.times(unscattered.element_sum() / 3.0);
+        }
+    }
+
+    /// What a path would have met that the water scattered on its way is seen through the water all the same, as far as
+    /// [`World::thin_by_murk`] has left it: so its matte has no noise. A bubble does hide it.
+    pub(super) fn cover_behind_murk(
+        &self,
+        arrival: &Arrival,
+        origin: Vec3,
+        direction: Vec3,
+        reach: f32,
+        scratch: &mut Scratch,
+    ) {
+        let Arrival { carrier, part, seen, .. } = arrival;
+        if !self.sees_through_water(carrier) {
+            return;
+        }
+        // The same numbers as on the path's way: it meets the same bubble.
+        if self.meet_bubbles(carrier, origin, direction, reach, scratch).is_some() {
+            return;
+        }
+        let opacity = match part.material {
+            Material::Spray { .. } => self.matte(arrival).map_or(0.0, |matte| matte.opacity),
+            _ => 1.0,
+        };
+        self.cover(carrier, *seen, opacity, scratch);
     }
 
     /// A path scattered by the water at `position`: sun and lamps through the surface, and on by the phase function.

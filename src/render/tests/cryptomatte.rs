@@ -131,6 +131,27 @@ fn the_bed_is_what_is_seen_through_the_water_and_foam_hides_it() {
 }
 
 #[test]
+fn what_the_water_scatters_hides_the_bed_and_what_it_absorbs_does_not() {
+    for absorption in [0.0, 0.8] {
+        let mut scene = uniform(1.0, 8);
+        (scene.render.integrator, scene.render.samples, scene.camera.fov) = (Integrator::Path, 16, 0.5);
+        (scene.water.absorption, scene.water.scattering) = ([absorption, 0.5 * absorption, 0.0], [0.3; 3]);
+        scene.water.roughness = 0.0;
+        let parts = vec![
+            part("water", Material::Water, Shape::Surface(waves(9, 4.0, |_, _| 0.0))),
+            part("terrain", Material::Ground, mesh(level(-2.0, 500.0))),
+        ];
+        let mut setup = with_mattes(scene, parts, [0.0, 4.0, 0.01]);
+        setup.matter = Flat { water: Some(0.0), bed: Some(-2.0), ..Flat::default() };
+        let (picture, _) = setup.render();
+        // Straight down through two metres; every pixel by itself: there is no noise in it.
+        for bed in matte(&picture, "CryptoBed", "terrain") {
+            assert!((f64::from(bed) - (-0.6_f64).exp()).abs() < 1e-4, "absorption {absorption}: {bed}");
+        }
+    }
+}
+
+#[test]
 fn coverage_adds_up_to_all_that_is_not_sky() {
     for integrator in BOTH {
         let mut setup = super::promises::everything();
