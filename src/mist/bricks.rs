@@ -281,15 +281,20 @@ impl Bricks {
         ray.cells([self.place[brick as usize] * SIDE, TABLE], 1.0, part, |_, part| visit(part))
     }
 
-    /// The value at a point (voxels) of a brick.
+    /// The number of the first corner of a brick's voxel around a point (voxels), and how far from it the point lies, 0..1.
     #[inline]
-    pub(super) fn value(&self, brick: u32, point: Vec3) -> f32 {
+    fn corner(&self, brick: u32, point: Vec3) -> (usize, Vec3) {
         let place = (self.place[brick as usize] * SIDE).as_vec3();
         let local = (point - place).clamp(Vec3::ZERO, Vec3::splat(SIDE as f32));
         let voxel = local.floor().min(Vec3::splat(SIDE as f32 - 1.0));
-        let share = local - voxel;
         let [x, y, z] = voxel.to_array().map(|place| place as usize);
-        let first = brick as usize * VALUES + (z * CORNERS + y) * CORNERS + x;
+        (brick as usize * VALUES + (z * CORNERS + y) * CORNERS + x, local - voxel)
+    }
+
+    /// The value at a point (voxels) of a brick.
+    #[inline]
+    pub(super) fn value(&self, brick: u32, point: Vec3) -> f32 {
+        let (first, share) = self.corner(brick, point);
         let value = |dy: usize, dz: usize| {
             let at = first + (dz * CORNERS + dy) * CORNERS;
             let (low, high) = (self.values[at], self.values[at + 1]);
@@ -304,12 +309,7 @@ impl Bricks {
 
     /// What the corners of a brick's voxel around a point (voxels) have, linear between them; `values` has one of each corner.
     pub(super) fn between(&self, values: &[Vec3], brick: u32, point: Vec3) -> Vec3 {
-        let place = (self.place[brick as usize] * SIDE).as_vec3();
-        let local = (point - place).clamp(Vec3::ZERO, Vec3::splat(SIDE as f32));
-        let voxel = local.floor().min(Vec3::splat(SIDE as f32 - 1.0));
-        let share = local - voxel;
-        let [x, y, z] = voxel.to_array().map(|place| place as usize);
-        let first = brick as usize * VALUES + (z * CORNERS + y) * CORNERS + x;
+        let (first, share) = self.corner(brick, point);
         let row = |dy: usize, dz: usize| {
             let at = first + (dz * CORNERS + dy) * CORNERS;
             values[at].lerp(values[at + 1], share.x)
