@@ -1,10 +1,11 @@
-//! Error against time of light: caustics by three methods, both integrators, the sampler, and what of a frame's time its
-//! rays take.
+//! Error against time of light: caustics by three methods, both integrators, how paths converge, the sampler, and what of a
+//! frame's time its rays take.
 //!
 //! Here are the pictures' judges; each table has a file of its own. What is rendered comes from `pool` and from
 //! `bench::pictures`.
 
 mod caustics;
+mod convergence;
 mod frames;
 mod integrators;
 mod pool;
@@ -26,6 +27,7 @@ pub fn run(settings: &Settings, out: &mut impl Write) -> Result<(), BenchError> 
     caustics::run(settings, &mut sheet)?;
     frames::run(settings, &mut sheet)?;
     integrators::run(settings, &mut sheet)?;
+    convergence::run(settings, &mut sheet)?;
     sampling::run(settings, &mut sheet)?;
     profile::run(settings, &mut sheet)?;
     sheet.plot(settings, super::plot::light)

@@ -108,11 +108,13 @@ pub(super) fn extremes(rows: &[Row], directory: &Path) -> Result<(), BenchError>
     save(directory, "extremes", "Where precision ends", &panels.collect::<Vec<_>>())
 }
 
-/// Error against time of light: a panel per surface for caustics, one for integrators.
+/// Error against time of light: a panel per surface for caustics, one for integrators, one for convergence.
 pub(super) fn light(rows: &[Row], directory: &Path) -> Result<(), BenchError> {
     // On a logarithmic axis nothing stands at 0.
-    let rows =
-        select(rows, |row| matches!(row.bench.as_str(), "light-caustics" | "light-integrators") && row.error_rms > 0.0);
+    let rows = select(rows, |row| {
+        matches!(row.bench.as_str(), "light-caustics" | "light-integrators" | "light-convergence")
+            && row.error_rms > 0.0
+    });
     let panels = distinct(&rows, |row| row.rays.clone()).into_iter().map(|scene| {
         let here: Vec<&Row> = rows.iter().copied().filter(|row| row.rays == scene).collect();
         let point = |row: &Row| (row.seconds, row.error_rms, row.value.to_string());

@@ -41,7 +41,7 @@ const FARTHEST: f32 = 1e15;
 /// A surface, with what it takes to find connections fast.
 #[derive(Clone, Debug)]
 pub struct Manifold {
-    lattice: Lattice,
+    pub(super) lattice: Lattice,
     bounds: Bounds,
     simd: SimdLevel,
 }

@@ -7,6 +7,7 @@
 
 mod beams;
 mod bounds;
+mod folds;
 mod manifold;
 mod polynomial;
 mod raster;
@@ -14,6 +15,7 @@ mod screen;
 mod search;
 
 pub use beams::{BeamError, BeamMap, BeamSun};
+pub use folds::Disc;
 pub use manifold::Manifold;
 
 use glam::Vec3;

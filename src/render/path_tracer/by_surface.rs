@@ -2,14 +2,15 @@
 //!
 //! Irradiance across a connection is E T n^2 spread of the sun (intensity for a lamp), with the reflectance in place of
 //! T n^2 where it is mirrored (`caustics`). Ripples tilt the surface that a connection is sought on by a facet of their
-//! own distribution (T. Zeltner, I. Georgiev, W. Jakob, Specular manifold sampling, 2020, section 5).
+//! own distribution (T. Zeltner, I. Georgiev, W. Jakob, Specular manifold sampling, 2020, section 5). Near the folds of the
+//! sun's caustics a connection's light is averaged over the disc.
 
 use glam::Vec3;
 
 use super::{
     super::{
         batches::{Carrier, Scratch},
-        caustics::{Connection, Event, Target},
+        caustics::{Connection, Disc, Event, Target},
         contact::Contact,
         film::Layer,
         spray::Drops,
@@ -17,6 +18,7 @@ use super::{
     },
     Link, Purpose,
 };
+use crate::optics::SUN_ANGULAR_RADIUS;
 
 /// Of so many searches for light by way of the surface one is made, at most, where a path has been diffuse before: its
 /// light is spread out by then, and a search costs as much as many rays.
@@ -57,7 +59,8 @@ impl World<'_> {
         let [u, v, ..] = self.numbers(asker.carrier, Purpose::Sky, scratch);
         let target = Target::Direction(self.sun.sample([u, v]));
         let irradiance = self.sun.irradiance;
-        self.ask_by_surface(asker, target, &|_| irradiance, SUN, 0, scratch);
+        let disc = Disc { direction: self.sun.direction, radius: SUN_ANGULAR_RADIUS };
+        self.ask_by_surface(asker, target, Some(&disc), &|_| irradiance, SUN, 0, scratch);
     }
 
     /// A lamp in the air by way of the surface.
@@ -72,7 +75,7 @@ impl World<'_> {
             if lamp.radius > 0.0 { intensity * (4.0 * (-to_light).dot(out).max(0.0)) } else { intensity }
         };
         let target = Target::Point(lamp.position + lamp.radius * out);
-        self.ask_by_surface(asker, target, &strength, lamp.group, 2, scratch);
+        self.ask_by_surface(asker, target, None, &strength, lamp.group, 2, scratch);
     }
 
     /// Whether a path searches, and for how many times the light.
@@ -93,11 +96,13 @@ impl World<'_> {
     }
 
     /// Every way from a light to the asker. `strength` is the irradiance (for a point: the intensity) along a direction to
-    /// the light; `facet` says which of the event's numbers tilt the surface.
+    /// the light; `facet` says which of the event's numbers tilt the surface. Light of a `disc` that the target was drawn
+    /// from is averaged where it comes together.
     fn ask_by_surface(
         &self,
         asker: &Asker,
         target: Target,
+        disc: Option<&Disc>,
         strength: &dyn Fn(Vec3) -> Vec3,
         group: u16,
         facet: usize,
@@ -121,7 +126,15 @@ impl World<'_> {
         let counts = &mut scratch.paths.manifold;
         let finest = self.limits.caustic_tolerance;
         manifold.connect(position, event, target, self.water.ior, tilt, finest, &mut found, counts);
-        for (index, connection) in found.iter().enumerate() {
+        let numbers = self.numbers(carrier, Purpose::Fold, scratch);
+        let averaged = |connection: &Connection| match disc {
+            Some(disc) => {
+                let u = [numbers[0], numbers[1]];
+                manifold.average(position, event, disc, self.water.ior, tilt, u, *connection)
+            }
+            None => [Some(*connection), None],
+        };
+        for (index, connection) in found.iter().flat_map(averaged).flatten().enumerate() {
             let value = value(connection.direction);
             if value <= 0.0 {
                 continue;
@@ -134,7 +147,7 @@ impl World<'_> {
             let mut light =
                 carrier.throughput * strength(connection.to_light) * (value * through * connection.spread * times);
             if carrier.in_water {
-                let Connection { direction, distance, .. } = *connection;
+                let Connection { direction, distance, .. } = connection;
                 let salt = 2 + 2 * index as u32 + (facet as u32 / 2);
                 light *= self.medium.transmittance(distance)
                     * self.past_bubbles(carrier, position, direction, distance, salt, scratch);
@@ -144,7 +157,7 @@ impl World<'_> {
             }
             let light = self.clamped(&carrier.path, light, scratch);
             let link = Link { light, layer, group, ..Link::new(carrier) };
-            self.push_connection(position, connection, link, tolerance, scratch);
+            self.push_connection(position, &connection, link, tolerance, scratch);
         }
         scratch.connections = found;
     }

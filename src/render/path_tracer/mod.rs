@@ -77,10 +77,12 @@ enum Purpose {
     Cover,
     /// How far to go in mist.
     Mist,
+    /// Curves along which a caustic's light is averaged, and places that stand for it.
+    Fold,
 }
 
 /// Sets of numbers that an event has.
-const PURPOSES: u32 = 7;
+const PURPOSES: u32 = 8;
 
 /// Share of a way's contribution that one of two ways of finding it may claim (the balance heuristic).
 #[inline]

@@ -2,6 +2,7 @@
 
 mod beams;
 mod flat;
+mod folds;
 mod parabola;
 mod referee;
 
