@@ -249,9 +249,12 @@ pub fn lower_within(
         if farthest >= 1e15 {
             return Err(LowerError::TooFar { name: name.clone(), distance: farthest });
         }
-        let material = match &mesh.albedo {
-            MeshAlbedo::Uniform(albedo) => Material::Diffuse(*albedo),
-            MeshAlbedo::PerVertex(albedo) => Material::VertexColours(Arc::new(albedo.clone())),
+        let material = match (&mesh.images, &mesh.albedo) {
+            (Some(images), albedo) => {
+                Material::Images { albedo: Arc::new(albedo.clone()), images: Arc::clone(images) }
+            }
+            (None, MeshAlbedo::Uniform(albedo)) => Material::Diffuse(*albedo),
+            (None, MeshAlbedo::PerVertex(albedo)) => Material::VertexColours(Arc::new(albedo.clone())),
         };
         let shape = Triangles {
             position: mesh.positions_around(origin),
