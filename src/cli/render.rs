@@ -8,6 +8,7 @@ use glam::DVec3;
 
 use super::args::RenderArgs;
 use super::errors::{CliError, Outcome};
+use super::finished;
 use super::foam;
 use super::keep;
 use super::load;
@@ -55,10 +56,14 @@ pub fn run(arguments: &RenderArgs) -> Result<Outcome, CliError> {
         }
         progress.start(index + 1, number, size.width, size.height);
         match frame(&run, number, &stop, &progress) {
-            Ok(frame) => {
+            Ok(Rendered::Before(files)) => {
+                progress.finish(&format!("{} is whole already", files.join(", ")));
+                stats.skipped.push(number);
+            }
+            Ok(Rendered::Now(frame)) => {
                 let names: Vec<String> = frame.files.iter().map(|file| file.path.display().to_string()).collect();
                 progress.finish(&format!("wrote {}", names.join(", ")));
-                stats.add(frame);
+                stats.add(*frame);
             }
             Err(error) if run.numbers.len() == 1 => {
                 progress.finish("lost");
@@ -97,39 +102,102 @@ pub fn run(arguments: &RenderArgs) -> Result<Outcome, CliError> {
     Ok(outcome)
 }
 
+/// How a frame came to be.
+enum Rendered {
+    /// In an earlier run: its files by name.
+    Before(Vec<String>),
+    Now(Box<FrameStats>),
+}
+
+/// What of a frame is kept on the way, and recorded of it at the end.
+struct Kept {
+    /// The state of every pixel, for each eye.
+    eyes: Vec<Keeping>,
+    /// Where the record of a finished frame lies.
+    record: PathBuf,
+    /// What is recorded as wanted.
+    wanted: String,
+}
+
+/// The eyes of a frame: metres to the right of the camera's path, and the name of one of a pair.
+fn eyes(settings: &scene::Scene) -> Vec<(f64, Option<&'static str>)> {
+    match settings.camera.stereo {
+        None => vec![(0.0, None)],
+        Some(apart) => vec![(-0.5 * apart, Some("left")), (0.5 * apart, Some("right"))],
+    }
+}
+
 /// How the state of a frame is kept, if it is.
-fn keeping(run: &Run, number: i64) -> Result<Option<Keeping>, CliError> {
+fn kept(run: &Run, number: i64) -> Result<Option<Kept>, CliError> {
     let arguments = run.arguments;
-    // A pair is two pictures.
-    let none = arguments.checkpoint.is_zero() || run.loaded.scene.camera.stereo.is_some();
-    let Some(pattern) = run.outputs.iter().find(|path| is_exr(path)).filter(|_| !none) else {
+    let Some(pattern) = run.outputs.iter().find(|path| is_exr(path)).filter(|_| !arguments.checkpoint.is_zero()) else {
         return Ok(None);
     };
     let further =
         [run.simd.name().to_owned(), arguments.memory.map_or_else(String::new, |Bytes(bytes)| bytes.to_string())];
     let inputs = keep::Inputs { loaded: &run.loaded, frames: &run.frames, environment: &run.environment };
+    let identity = inputs.identity(number, &further)?;
+    let picture = naming::with_frame(pattern, number);
     let output = &run.loaded.scene.output;
-    Ok(Some(Keeping {
-        path: keep::checkpoint_path(&naming::with_frame(pattern, number)),
-        every: arguments.checkpoint,
-        resume: arguments.resume,
-        keep: arguments.keep_checkpoint,
-        identity: inputs.identity(number, &further)?,
-        scene_hash: run.loaded.hash.clone(),
-        owner: output.owner.clone(),
-        comments: output.comments.clone(),
+    let names: Vec<Option<&str>> = eyes(&run.loaded.scene).into_iter().map(|(_, name)| name).collect();
+    // Of several pictures most have no checkpoint: they were not begun.
+    let alone = names.len() == 1 && run.numbers.len() == 1;
+    let eyes = names.iter().enumerate().map(|(index, &eye)| {
+        let path = keep::checkpoint_path(&picture, eye);
+        Keeping {
+            resume: arguments.resume && (alone || path.exists()),
+            path,
+            every: arguments.checkpoint,
+            // The first eye's is all there is of it while the second is rendered.
+            keep: arguments.keep_checkpoint || index + 1 < names.len(),
+            identity: eye.map_or_else(|| identity.clone(), |eye| keep::of_eye(&identity, eye)),
+            scene_hash: run.loaded.hash.clone(),
+            owner: output.owner.clone(),
+            comments: output.comments.clone(),
+        }
+    });
+    Ok(Some(Kept {
+        eyes: eyes.collect(),
+        record: finished::record_path(&picture),
+        wanted: finished::wanted(run, number, &identity),
     }))
 }
 
+/// Removes checkpoints of a finished picture.
+fn remove_checkpoints(kept: &Kept) {
+    for Keeping { path, .. } in &kept.eyes {
+        match std::fs::remove_file(path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                tracing::warn!("{} was not removed: {error}", path.display());
+            }
+            _ => {}
+        }
+    }
+}
+
 /// One frame from its file to its pictures.
-fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result<FrameStats, CliError> {
+fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result<Rendered, CliError> {
     let settings = &run.loaded.scene;
     // Until the frame is written: two renders into one file would each undo the other's work.
     let claims = run.outputs.iter().map(|pattern| Claim::new(&naming::with_frame(pattern, number)));
     let claims: Vec<Claim> = claims.collect::<Result<_, _>>().map_err(anyhow::Error::from)?;
-    let keeping = keeping(run, number)?;
-    if let (Some(claim), Some(keeping)) = (claims.first(), &keeping) {
-        claim.sweep(&keeping.path);
+    let kept = kept(run, number)?;
+    if let (Some(claim), Some(kept)) = (claims.first(), &kept) {
+        kept.eyes.iter().for_each(|keeping| claim.sweep(&keeping.path));
+        claim.sweep(&kept.record);
+    }
+    if let Some(kept) = kept.as_ref().filter(|_| run.arguments.resume) {
+        match finished::whole(run, number, &kept.record, &kept.wanted) {
+            Ok(None) => {}
+            Ok(Some(files)) => {
+                if !run.arguments.keep_checkpoint {
+                    // Killed between its record and this.
+                    remove_checkpoints(kept);
+                }
+                return Ok(Rendered::Before(files.iter().map(|path| path.display().to_string()).collect()));
+            }
+            Err(why) => progress.say(&format!("frame {number} was whole, but is rendered again: {why}")),
+        }
     }
     let clock = Instant::now();
     let states = moments::states(&run.loaded, &run.frames, number)?;
@@ -177,8 +245,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         })
         .collect();
     let (mut pictures, mut render, mut denoise, mut deep) = (Vec::new(), RenderStats::default(), None, None);
-    let eyes = settings.camera.stereo.map_or(vec![0.0], |apart| vec![-0.5 * apart, 0.5 * apart]);
-    for aside in eyes {
+    for (eye, (aside, _)) in eyes(settings).into_iter().enumerate() {
         let job = Job {
             scene: settings,
             moments: &shown,
@@ -193,7 +260,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         let task = Task {
             tile: run.arguments.tile.map(|share| (share.index, share.count)),
             samples: run.arguments.sample_range.map(|range| range.ends),
-            keeping: keeping.as_ref(),
+            keeping: kept.as_ref().map(|kept| &kept.eyes[eye]),
         };
         if let Some(preview) = &run.preview {
             preview.begin(&preview_name(run, number, aside), window(run));
@@ -240,16 +307,18 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
 
     let clock = Instant::now();
     let files = write(run, number, &mut picture, deep)?;
-    if let Some(keeping) = keeping.filter(|keeping| complete && !keeping.keep) {
+    if let Some(kept) = kept.filter(|_| complete) {
+        if run.numbers.len() > 1
+            && let Err(error) = finished::record(&kept.record, kept.wanted.clone(), &files)
+        {
+            tracing::warn!("that frame {number} is whole was not recorded, --resume would render it again: {error}");
+        }
         // Only now: until the picture has its name, the checkpoint is all there is.
-        match std::fs::remove_file(&keeping.path) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                tracing::warn!("{} was not removed: {error}", keeping.path.display());
-            }
-            _ => {}
+        if !run.arguments.keep_checkpoint {
+            remove_checkpoints(&kept);
         }
     }
-    Ok(FrameStats {
+    Ok(Rendered::Now(Box::new(FrameStats {
         frame: number,
         load_s,
         build_s,
@@ -263,7 +332,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         particles: first.lowered.thinning,
         render,
         files,
-    })
+    })))
 }
 
 /// What is rendered of the frame.

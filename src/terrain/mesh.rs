@@ -132,4 +132,6 @@ fn check(path: &Path, raw: Raw) -> Result<Mesh, TerrainError> {
 }
 
 #[cfg(test)]
+mod image_tests;
+#[cfg(test)]
 mod tests;

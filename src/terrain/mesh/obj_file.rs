@@ -41,7 +41,10 @@ pub(super) fn read(path: &Path) -> Result<Raw, TerrainError> {
             Some((name, file)) => {
                 let material = format!("material {name:?}");
                 if file.starts_with('-') {
-                    return Err(broken(path, format!("{material}: map_Kd {file}: expected a file's name without options")));
+                    return Err(broken(
+                        path,
+                        format!("{material}: map_Kd {file}: expected a file's name without options"),
+                    ));
                 }
                 if mesh.texcoords.len() != 2 * count {
                     let found = mesh.texcoords.len() / 2;
