@@ -453,7 +453,8 @@ fn nobody(folder: &Path) -> Option<(PathBuf, String)> {
     let open = |path: &Path, mode: u32| std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
     open(folder, 0o755);
     let reaches = |program: &Path, scene: &Path| {
-        let inspect = Command::new(program).arg("inspect").arg(scene).uid(NOBODY).gid(NOBODY).output();
+        let state = scene.with_file_name("time000.state");
+        let inspect = Command::new(program).arg("inspect").arg(state).uid(NOBODY).gid(NOBODY).output();
         inspect.is_ok_and(|output| output.status.success())
     };
     let (program, scene) = (Path::new(env!("CARGO_BIN_EXE_whitewater")), Path::new(TINY));
