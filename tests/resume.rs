@@ -87,7 +87,7 @@ const FRAMES: [&str; 4] = ["out.0000.exr", "out.0001.exr", "out.0002.exr", "out.
 
 /// The frames that a run says to have left out.
 fn left_out(said: &str) -> Vec<usize> {
-    let whole = |name: &str| said.lines().any(|line| line.contains(name) && line.contains("is whole already"));
+    let whole = |name: &str| said.lines().any(|line| line.contains(name) && line.contains("whole already"));
     (0..4).filter(|&frame| whole(FRAMES[frame])).collect()
 }
 

@@ -57,7 +57,7 @@ pub fn run(arguments: &RenderArgs) -> Result<Outcome, CliError> {
         progress.start(index + 1, number, size.width, size.height);
         match frame(&run, number, &stop, &progress) {
             Ok(Rendered::Before(files)) => {
-                progress.finish(&format!("{} is whole already", files.join(", ")));
+                progress.finish(&format!("whole already: {}", files.join(", ")));
                 stats.skipped.push(number);
             }
             Ok(Rendered::Now(frame)) => {
