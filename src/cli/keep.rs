@@ -1,4 +1,4 @@
-//! Where a frame's checkpoint lies, and whose it is: a hash of everything that its pixels depend on.
+//! Where a frame's checkpoints lie, and whose they are: a hash of everything that its pixels depend on.
 
 use std::ffi::OsString;
 use std::io::Read;
@@ -8,9 +8,14 @@ use anyhow::Context;
 use sha2::{Digest, Sha256};
 
 use super::errors::CliError;
+use super::finished;
 use super::load;
+use super::prepare::{Run, is_exr};
+use super::values::Bytes;
 use crate::lower::Environment;
+use crate::output::naming;
 use crate::particles;
+use crate::render::Keeping;
 use crate::scene::{self, LoadedScene};
 use crate::state::FrameSequence;
 use crate::terrain::{Mesh, MeshAlbedo};
@@ -34,6 +39,77 @@ pub(super) fn of_eye(identity: &str, eye: &str) -> String {
 /// Bytes in hexadecimal digits.
 pub(super) fn hexadecimal(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// What of a frame is kept on the way, and recorded of it at the end.
+pub(super) struct Kept {
+    /// The state of every pixel, for each eye.
+    pub(super) eyes: Vec<Keeping>,
+    /// Where the record of a finished frame lies.
+    pub(super) record: PathBuf,
+    /// What is recorded as wanted.
+    pub(super) wanted: String,
+}
+
+/// The eyes of a frame: metres to the right of the camera's path, and the name of one of a pair.
+pub(super) fn eyes(settings: &scene::Scene) -> Vec<(f64, Option<&'static str>)> {
+    match settings.camera.stereo {
+        None => vec![(0.0, None)],
+        Some(apart) => vec![(-0.5 * apart, Some("left")), (0.5 * apart, Some("right"))],
+    }
+}
+
+/// How the state of a frame is kept, if it is.
+///
+/// # Errors
+/// A file that decides on its pixels cannot be read.
+pub(super) fn kept(run: &Run, number: i64) -> Result<Option<Kept>, CliError> {
+    let arguments = run.arguments;
+    let Some(pattern) = run.outputs.iter().find(|path| is_exr(path)).filter(|_| !arguments.checkpoint.is_zero()) else {
+        return Ok(None);
+    };
+    let further =
+        [run.simd.name().to_owned(), arguments.memory.map_or_else(String::new, |Bytes(bytes)| bytes.to_string())];
+    let inputs = Inputs { loaded: &run.loaded, frames: &run.frames, environment: &run.environment };
+    let identity = inputs.identity(number, &further)?;
+    let picture = naming::with_frame(pattern, number);
+    let output = &run.loaded.scene.output;
+    let names: Vec<Option<&str>> = eyes(&run.loaded.scene).into_iter().map(|(_, name)| name).collect();
+    // Of several pictures most have no checkpoint: they were not begun.
+    let alone = names.len() == 1 && run.numbers.len() == 1;
+    let eyes = names.iter().enumerate().map(|(index, &eye)| {
+        let path = checkpoint_path(&picture, eye);
+        Keeping {
+            resume: arguments.resume && (alone || path.exists()),
+            path,
+            every: arguments.checkpoint,
+            // The first eye's is all there is of it while the second is rendered.
+            keep: arguments.keep_checkpoint || index + 1 < names.len(),
+            identity: eye.map_or_else(|| identity.clone(), |eye| of_eye(&identity, eye)),
+            scene_hash: run.loaded.hash.clone(),
+            owner: output.owner.clone(),
+            comments: output.comments.clone(),
+        }
+    });
+    Ok(Some(Kept {
+        eyes: eyes.collect(),
+        record: finished::record_path(&picture),
+        wanted: finished::wanted(run, number, &identity),
+    }))
+}
+
+impl Kept {
+    /// Removes the checkpoints of a finished picture.
+    pub(super) fn remove_checkpoints(&self) {
+        for Keeping { path, .. } in &self.eyes {
+            match std::fs::remove_file(path) {
+                Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                    tracing::warn!("{} was not removed: {error}", path.display());
+                }
+                _ => {}
+            }
+        }
+    }
 }
 
 /// What the pixels of a run's frames depend on.

@@ -14,7 +14,7 @@ use super::keep;
 use super::load;
 use super::look::local_now;
 use super::moments::{self, MomentOfFrame};
-use super::prepare::{Run, deep_outputs, is_exr, prepare};
+use super::prepare::{Run, deep_outputs, prepare};
 use super::progress::Progress;
 use super::signals::StopFlag;
 use super::stats::{FrameStats, RunStats, part_names};
@@ -25,7 +25,7 @@ use crate::foam::{FoamField, FoamState};
 use crate::lower::LoweredFrame;
 use crate::output::{self, Claim, DeepPicture, Metadata, Picture, Window, WriteOptions, WriteReport, layers, naming};
 use crate::particles::Textures;
-use crate::render::{self, Job, Keeping, Looks, Mattes, RenderStats, Task};
+use crate::render::{self, Job, Looks, Mattes, RenderStats, Task};
 use crate::scene::{self};
 use crate::state::Frame;
 use crate::terrain::{Ground, GroundTexture, PlacedTexture, SkyView, Waterline};
@@ -109,79 +109,13 @@ enum Rendered {
     Now(Box<FrameStats>),
 }
 
-/// What of a frame is kept on the way, and recorded of it at the end.
-struct Kept {
-    /// The state of every pixel, for each eye.
-    eyes: Vec<Keeping>,
-    /// Where the record of a finished frame lies.
-    record: PathBuf,
-    /// What is recorded as wanted.
-    wanted: String,
-}
-
-/// The eyes of a frame: metres to the right of the camera's path, and the name of one of a pair.
-fn eyes(settings: &scene::Scene) -> Vec<(f64, Option<&'static str>)> {
-    match settings.camera.stereo {
-        None => vec![(0.0, None)],
-        Some(apart) => vec![(-0.5 * apart, Some("left")), (0.5 * apart, Some("right"))],
-    }
-}
-
-/// How the state of a frame is kept, if it is.
-fn kept(run: &Run, number: i64) -> Result<Option<Kept>, CliError> {
-    let arguments = run.arguments;
-    let Some(pattern) = run.outputs.iter().find(|path| is_exr(path)).filter(|_| !arguments.checkpoint.is_zero()) else {
-        return Ok(None);
-    };
-    let further =
-        [run.simd.name().to_owned(), arguments.memory.map_or_else(String::new, |Bytes(bytes)| bytes.to_string())];
-    let inputs = keep::Inputs { loaded: &run.loaded, frames: &run.frames, environment: &run.environment };
-    let identity = inputs.identity(number, &further)?;
-    let picture = naming::with_frame(pattern, number);
-    let output = &run.loaded.scene.output;
-    let names: Vec<Option<&str>> = eyes(&run.loaded.scene).into_iter().map(|(_, name)| name).collect();
-    // Of several pictures most have no checkpoint: they were not begun.
-    let alone = names.len() == 1 && run.numbers.len() == 1;
-    let eyes = names.iter().enumerate().map(|(index, &eye)| {
-        let path = keep::checkpoint_path(&picture, eye);
-        Keeping {
-            resume: arguments.resume && (alone || path.exists()),
-            path,
-            every: arguments.checkpoint,
-            // The first eye's is all there is of it while the second is rendered.
-            keep: arguments.keep_checkpoint || index + 1 < names.len(),
-            identity: eye.map_or_else(|| identity.clone(), |eye| keep::of_eye(&identity, eye)),
-            scene_hash: run.loaded.hash.clone(),
-            owner: output.owner.clone(),
-            comments: output.comments.clone(),
-        }
-    });
-    Ok(Some(Kept {
-        eyes: eyes.collect(),
-        record: finished::record_path(&picture),
-        wanted: finished::wanted(run, number, &identity),
-    }))
-}
-
-/// Removes checkpoints of a finished picture.
-fn remove_checkpoints(kept: &Kept) {
-    for Keeping { path, .. } in &kept.eyes {
-        match std::fs::remove_file(path) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                tracing::warn!("{} was not removed: {error}", path.display());
-            }
-            _ => {}
-        }
-    }
-}
-
 /// One frame from its file to its pictures.
 fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result<Rendered, CliError> {
     let settings = &run.loaded.scene;
     // Until the frame is written: two renders into one file would each undo the other's work.
     let claims = run.outputs.iter().map(|pattern| Claim::new(&naming::with_frame(pattern, number)));
     let claims: Vec<Claim> = claims.collect::<Result<_, _>>().map_err(anyhow::Error::from)?;
-    let kept = kept(run, number)?;
+    let kept = keep::kept(run, number)?;
     if let (Some(claim), Some(kept)) = (claims.first(), &kept) {
         kept.eyes.iter().for_each(|keeping| claim.sweep(&keeping.path));
         claim.sweep(&kept.record);
@@ -192,7 +126,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
             Ok(Some(files)) => {
                 if !run.arguments.keep_checkpoint {
                     // Killed between its record and this.
-                    remove_checkpoints(kept);
+                    kept.remove_checkpoints();
                 }
                 return Ok(Rendered::Before(files.iter().map(|path| path.display().to_string()).collect()));
             }
@@ -245,7 +179,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         })
         .collect();
     let (mut pictures, mut render, mut denoise, mut deep) = (Vec::new(), RenderStats::default(), None, None);
-    for (eye, (aside, _)) in eyes(settings).into_iter().enumerate() {
+    for (eye, (aside, _)) in keep::eyes(settings).into_iter().enumerate() {
         let job = Job {
             scene: settings,
             moments: &shown,
@@ -315,7 +249,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         }
         // Only now: until the picture has its name, the checkpoint is all there is.
         if !run.arguments.keep_checkpoint {
-            remove_checkpoints(&kept);
+            kept.remove_checkpoints();
         }
     }
     Ok(Rendered::Now(Box::new(FrameStats {
