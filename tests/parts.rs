@@ -437,10 +437,53 @@ fn checkpoints_that_are_damaged_or_of_another_picture_are_refused_with_the_reaso
     assert!(!path.exists());
 }
 
+/// A user who may not write everywhere.
+#[cfg(unix)]
+const NOBODY: u32 = 65534;
+
+/// For tests that run as root, to whom no folder is read-only: the program and a scene where [`NOBODY`] reaches them, in a folder
+/// of ours that is opened for it if they are out of its reach. `None` for anybody else.
+#[cfg(unix)]
+fn nobody(folder: &Path) -> Option<(PathBuf, String)> {
+    use std::os::unix::fs::{MetadataExt, PermissionsExt};
+    use std::os::unix::process::CommandExt;
+    if std::fs::metadata(folder).unwrap().uid() != 0 {
+        return None;
+    }
+    let open = |path: &Path, mode: u32| std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
+    open(folder, 0o755);
+    let reaches = |program: &Path, scene: &Path| {
+        let state = scene.with_file_name("time000.state");
+        let inspect = Command::new(program).arg("inspect").arg(state).uid(NOBODY).gid(NOBODY).output();
+        inspect.is_ok_and(|output| output.status.success())
+    };
+    let (program, scene) = (Path::new(env!("CARGO_BIN_EXE_whitewater")), Path::new(TINY));
+    if reaches(program, scene) {
+        return Some((program.to_owned(), TINY.to_owned()));
+    }
+    let open_folder = folder.join("reachable");
+    std::fs::create_dir(&open_folder).unwrap();
+    for file in std::fs::read_dir(scene.parent().unwrap()).unwrap() {
+        let file = file.unwrap();
+        let copy = open_folder.join(file.file_name());
+        std::fs::copy(file.path(), &copy).unwrap();
+        open(&copy, 0o644);
+    }
+    let copy = open_folder.join("program");
+    std::fs::copy(program, &copy).unwrap();
+    for path in [&open_folder, &copy] {
+        open(path, 0o755);
+    }
+    let scene = open_folder.join("scene.toml");
+    assert!(reaches(&copy, &scene), "{} cannot be run by another user", copy.display());
+    Some((copy, scene.to_str().unwrap().to_owned()))
+}
+
 #[cfg(unix)]
 #[test]
 fn what_cannot_be_written_is_told_and_the_old_file_stays() {
     use std::os::unix::fs::PermissionsExt;
+    use std::os::unix::process::CommandExt;
     let folder = folder();
     let old = folder.path().join("old.exr");
     std::fs::write(&old, b"an old file").unwrap();
@@ -473,12 +516,22 @@ fn what_cannot_be_written_is_told_and_the_old_file_stays() {
     let locked = folder.path().join("locked");
     std::fs::create_dir(&locked).unwrap();
     std::fs::write(locked.join("a.exr"), b"an old file").unwrap();
-    std::fs::set_permissions(&locked, std::fs::Permissions::from_mode(0o555)).unwrap();
-    // Whoever may write everywhere finds no folder read-only.
-    if std::fs::write(locked.join("probe"), b"").is_err() {
-        let said = refused(render(&locked, TINY, &["-o", "a.exr"]));
-        assert!(said.contains("a.exr") && said.contains("ermission"), "{said}");
+    let nobody = nobody(folder.path());
+    if let Some((program, scene)) = &nobody {
+        // Its own folder, so that only the missing permission is in the way.
+        std::os::unix::fs::chown(&locked, Some(NOBODY), Some(NOBODY)).unwrap();
+        let mut writable = Command::new(program);
+        writable.args(["render", scene, "-q", "--frame", "0", "-o", "b.exr"]).current_dir(&locked).uid(NOBODY);
+        done(writable);
     }
+    std::fs::set_permissions(&locked, std::fs::Permissions::from_mode(0o555)).unwrap();
+    let mut command = render(&locked, TINY, &["-o", "a.exr"]);
+    if let Some((program, scene)) = &nobody {
+        command = Command::new(program);
+        command.args(["render", scene, "-q", "--frame", "0", "-o", "a.exr"]).current_dir(&locked).uid(NOBODY);
+    }
+    let said = refused(command);
+    assert!(said.contains("a.exr") && said.contains("ermission"), "{said}");
     std::fs::set_permissions(&locked, std::fs::Permissions::from_mode(0o755)).unwrap();
     assert_eq!(std::fs::read(locked.join("a.exr")).unwrap(), b"an old file");
 }

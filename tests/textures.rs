@@ -134,3 +134,70 @@ fn images_that_are_missing_or_broken_are_named_before_anything_is_rendered() {
         assert!(said(&output).contains(wrong.split('=').next().unwrap()), "{}", said(&output));
     }
 }
+
+/// A panel that faces the camera of `tiny`, 5 m east, as glTF with its numbers and its image in files of their own.
+fn panel(folder: &Path, image: &str) -> Vec<String> {
+    let corners = [[5.0_f32, 0.2, 0.5], [5.0, 0.2, -0.3], [5.0, 1.0, -0.3], [5.0, 1.0, 0.5]];
+    let coordinates = [[0.0_f32, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]];
+    let mut numbers: Vec<u8> = corners.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect();
+    numbers.extend(coordinates.as_flattened().iter().flat_map(|value| value.to_le_bytes()));
+    numbers.extend([0_u16, 1, 2, 0, 2, 3].iter().flat_map(|value| value.to_le_bytes()));
+    std::fs::write(folder.join("panel.bin"), numbers).unwrap();
+    let text = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
+        "materials":[{"name":"halves","pbrMetallicRoughness":{"baseColorFactor":[0.5,0.5,0.25,1],"baseColorTexture":{"index":0}}}],
+        "textures":[{"source":0}],"images":[{"uri":"IMAGE"}],
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0,"TEXCOORD_0":1},"indices":2,"material":0}]}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3","min":[5,0.2,-0.3],"max":[5,1,0.5]},
+          {"bufferView":1,"componentType":5126,"count":4,"type":"VEC2"},
+          {"bufferView":2,"componentType":5123,"count":6,"type":"SCALAR"}],
+        "bufferViews":[{"buffer":0,"byteLength":48},{"buffer":0,"byteOffset":48,"byteLength":32},
+          {"buffer":0,"byteOffset":80,"byteLength":12}],
+        "buffers":[{"uri":"panel.bin","byteLength":92}]}"#;
+    std::fs::write(folder.join("panel.gltf"), text.replace("IMAGE", image)).unwrap();
+    vec!["--set".into(), format!("environment.meshes=['{}']", folder.join("panel.gltf").display())]
+}
+
+#[test]
+fn a_mesh_shows_the_image_of_its_material_and_a_missing_one_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    // Red to the left, blue to the right.
+    let halves = |x: u32| if x < 32 { [255, 0, 0] } else { [0, 0, 255] };
+    image::RgbImage::from_fn(64, 64, |x, _| image::Rgb(halves(x))).save(folder.path().join("halves.png")).unwrap();
+    let own = panel(folder.path(), "halves.png");
+    let own: Vec<&str> = own.iter().map(String::as_str).collect();
+    let shown = |name: &str, further: &[&str]| {
+        let output = render(folder.path(), name, &[&own[..], further].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        read_exr(&folder.path().join(name)).unwrap()
+    };
+    for integrator in ["render.integrator=whitted", "render.integrator=path"] {
+        let one = shown("one.exr", &["--set", integrator]);
+        assert_same(&one, &shown("two.exr", &["--set", integrator, "--threads", "1"]));
+        let [place, side, red, blue] =
+            ["P.x", "P.z", "albedo.R", "albedo.B"].map(|name| &one.channel(name).unwrap().samples);
+        let (mut count, mut wrong) = ([0, 0], 0);
+        for pixel in 0..place.len() {
+            // By the image's middle a pixel sees both halves.
+            if (place[pixel] - 5.0).abs() < 1e-3 && (side[pixel] - 0.1).abs() > 0.05 {
+                let left = side[pixel] > 0.1;
+                let expected = if left { [0.5, 0.0] } else { [0.0, 0.25] };
+                count[usize::from(left)] += 1;
+                let near = |seen: f32, expected: f32| (seen - expected).abs() < 0.01;
+                wrong += usize::from(!(near(red[pixel], expected[0]) && near(blue[pixel], expected[1])));
+            }
+        }
+        // Those at the panel's edges see what is behind as well.
+        assert!(count[0] > 100 && count[1] > 100 && wrong * 5 < count[0] + count[1], "{count:?} {wrong}");
+        let names: Vec<&str> = one.metadata.cryptomattes.iter().flat_map(|matte| &matte.names).map(|n| &**n).collect();
+        assert!(names.contains(&"panel") && names.contains(&"diffuse"), "{names:?}");
+    }
+    for image in ["absent.png", "panel.bin"] {
+        panel(folder.path(), image);
+        let output = render(folder.path(), "never.exr", &own);
+        assert_eq!(output.status.code(), Some(2), "{image}");
+        for word in ["panel.gltf", "halves", image] {
+            assert!(said(&output).contains(word), "{word}: {}", said(&output));
+        }
+        assert!(!folder.path().join("never.exr").exists());
+    }
+}

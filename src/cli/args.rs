@@ -142,7 +142,8 @@ pub struct RenderArgs {
     /// Leave the checkpoint of a finished frame, to refine it later (--resume with less --noise) or to merge it
     #[arg(long)]
     pub keep_checkpoint: bool,
-    /// Go on from the checkpoint of a frame that was stopped, killed, or is to be refined, to the same bits
+    /// Go on from the checkpoint of a frame that was stopped, killed, or is to be refined, to the same bits; of several frames,
+    /// leave out those that are whole
     #[arg(long)]
     pub resume: bool,
     /// Write seconds, rays, solver work and memory as JSON

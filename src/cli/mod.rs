@@ -3,6 +3,7 @@
 pub mod args;
 pub mod bench;
 pub mod errors;
+mod finished;
 mod foam;
 mod keep;
 pub mod load;

@@ -205,9 +205,6 @@ fn check_parts(arguments: &RenderArgs, settings: &scene::Scene, options: &WriteO
         if !arguments.output.iter().any(|path| is_exr(path)) {
             return Err(anyhow::anyhow!("{option}: expected -o NAME.exr, beside which the checkpoint lies").into());
         }
-        if settings.camera.stereo.is_some() {
-            return Err(anyhow::anyhow!("{option}: a pair of eyes (camera.stereo) has no checkpoint").into());
-        }
         if arguments.checkpoint.is_zero() {
             return Err(anyhow::anyhow!("{option}: --checkpoint 0 keeps none; expected some seconds").into());
         }

@@ -8,12 +8,13 @@ use glam::DVec3;
 
 use super::args::RenderArgs;
 use super::errors::{CliError, Outcome};
+use super::finished;
 use super::foam;
 use super::keep;
 use super::load;
 use super::look::local_now;
 use super::moments::{self, MomentOfFrame};
-use super::prepare::{Run, deep_outputs, is_exr, prepare};
+use super::prepare::{Run, deep_outputs, prepare};
 use super::progress::Progress;
 use super::signals::StopFlag;
 use super::stats::{FrameStats, RunStats, part_names};
@@ -24,7 +25,7 @@ use crate::foam::{FoamField, FoamState};
 use crate::lower::LoweredFrame;
 use crate::output::{self, Claim, DeepPicture, Metadata, Picture, Window, WriteOptions, WriteReport, layers, naming};
 use crate::particles::Textures;
-use crate::render::{self, Job, Keeping, Looks, Mattes, RenderStats, Task};
+use crate::render::{self, Job, Looks, Mattes, RenderStats, Task};
 use crate::scene::{self};
 use crate::state::Frame;
 use crate::terrain::{Ground, GroundTexture, PlacedTexture, SkyView, Waterline};
@@ -55,10 +56,14 @@ pub fn run(arguments: &RenderArgs) -> Result<Outcome, CliError> {
         }
         progress.start(index + 1, number, size.width, size.height);
         match frame(&run, number, &stop, &progress) {
-            Ok(frame) => {
+            Ok(Rendered::Before(files)) => {
+                progress.finish(&format!("whole already: {}", files.join(", ")));
+                stats.skipped.push(number);
+            }
+            Ok(Rendered::Now(frame)) => {
                 let names: Vec<String> = frame.files.iter().map(|file| file.path.display().to_string()).collect();
                 progress.finish(&format!("wrote {}", names.join(", ")));
-                stats.add(frame);
+                stats.add(*frame);
             }
             Err(error) if run.numbers.len() == 1 => {
                 progress.finish("lost");
@@ -97,39 +102,36 @@ pub fn run(arguments: &RenderArgs) -> Result<Outcome, CliError> {
     Ok(outcome)
 }
 
-/// How the state of a frame is kept, if it is.
-fn keeping(run: &Run, number: i64) -> Result<Option<Keeping>, CliError> {
-    let arguments = run.arguments;
-    // A pair is two pictures.
-    let none = arguments.checkpoint.is_zero() || run.loaded.scene.camera.stereo.is_some();
-    let Some(pattern) = run.outputs.iter().find(|path| is_exr(path)).filter(|_| !none) else {
-        return Ok(None);
-    };
-    let further =
-        [run.simd.name().to_owned(), arguments.memory.map_or_else(String::new, |Bytes(bytes)| bytes.to_string())];
-    let inputs = keep::Inputs { loaded: &run.loaded, frames: &run.frames, environment: &run.environment };
-    let output = &run.loaded.scene.output;
-    Ok(Some(Keeping {
-        path: keep::checkpoint_path(&naming::with_frame(pattern, number)),
-        every: arguments.checkpoint,
-        resume: arguments.resume,
-        keep: arguments.keep_checkpoint,
-        identity: inputs.identity(number, &further)?,
-        scene_hash: run.loaded.hash.clone(),
-        owner: output.owner.clone(),
-        comments: output.comments.clone(),
-    }))
+/// How a frame came to be.
+enum Rendered {
+    /// In an earlier run: its files by name.
+    Before(Vec<String>),
+    Now(Box<FrameStats>),
 }
 
 /// One frame from its file to its pictures.
-fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result<FrameStats, CliError> {
+fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result<Rendered, CliError> {
     let settings = &run.loaded.scene;
     // Until the frame is written: two renders into one file would each undo the other's work.
     let claims = run.outputs.iter().map(|pattern| Claim::new(&naming::with_frame(pattern, number)));
     let claims: Vec<Claim> = claims.collect::<Result<_, _>>().map_err(anyhow::Error::from)?;
-    let keeping = keeping(run, number)?;
-    if let (Some(claim), Some(keeping)) = (claims.first(), &keeping) {
-        claim.sweep(&keeping.path);
+    let kept = keep::kept(run, number)?;
+    if let (Some(claim), Some(kept)) = (claims.first(), &kept) {
+        kept.eyes.iter().for_each(|keeping| claim.sweep(&keeping.path));
+        claim.sweep(&kept.record);
+    }
+    if let Some(kept) = kept.as_ref().filter(|_| run.arguments.resume) {
+        match finished::whole(run, number, &kept.record, &kept.wanted) {
+            Ok(None) => {}
+            Ok(Some(files)) => {
+                if !run.arguments.keep_checkpoint {
+                    // Killed between its record and this.
+                    kept.remove_checkpoints();
+                }
+                return Ok(Rendered::Before(files.iter().map(|path| path.display().to_string()).collect()));
+            }
+            Err(why) => progress.say(&format!("frame {number} was whole, but is rendered again: {why}")),
+        }
     }
     let clock = Instant::now();
     let states = moments::states(&run.loaded, &run.frames, number)?;
@@ -177,8 +179,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         })
         .collect();
     let (mut pictures, mut render, mut denoise, mut deep) = (Vec::new(), RenderStats::default(), None, None);
-    let eyes = settings.camera.stereo.map_or(vec![0.0], |apart| vec![-0.5 * apart, 0.5 * apart]);
-    for aside in eyes {
+    for (eye, (aside, _)) in keep::eyes(settings).into_iter().enumerate() {
         let job = Job {
             scene: settings,
             moments: &shown,
@@ -193,7 +194,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         let task = Task {
             tile: run.arguments.tile.map(|share| (share.index, share.count)),
             samples: run.arguments.sample_range.map(|range| range.ends),
-            keeping: keeping.as_ref(),
+            keeping: kept.as_ref().map(|kept| &kept.eyes[eye]),
         };
         if let Some(preview) = &run.preview {
             preview.begin(&preview_name(run, number, aside), window(run));
@@ -240,16 +241,18 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
 
     let clock = Instant::now();
     let files = write(run, number, &mut picture, deep)?;
-    if let Some(keeping) = keeping.filter(|keeping| complete && !keeping.keep) {
+    if let Some(kept) = kept.filter(|_| complete) {
+        if run.numbers.len() > 1
+            && let Err(error) = finished::record(&kept.record, kept.wanted.clone(), &files)
+        {
+            tracing::warn!("that frame {number} is whole was not recorded, --resume would render it again: {error}");
+        }
         // Only now: until the picture has its name, the checkpoint is all there is.
-        match std::fs::remove_file(&keeping.path) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                tracing::warn!("{} was not removed: {error}", keeping.path.display());
-            }
-            _ => {}
+        if !run.arguments.keep_checkpoint {
+            kept.remove_checkpoints();
         }
     }
-    Ok(FrameStats {
+    Ok(Rendered::Now(Box::new(FrameStats {
         frame: number,
         load_s,
         build_s,
@@ -263,7 +266,7 @@ fn frame(run: &Run, number: i64, stop: &StopFlag, progress: &Progress) -> Result
         particles: first.lowered.thinning,
         render,
         files,
-    })
+    })))
 }
 
 /// What is rendered of the frame.

@@ -79,6 +79,8 @@ pub struct RunStats {
     pub nonfinite: u64,
     /// Greatest memory of the process (bytes), where the system tells.
     pub peak_memory_bytes: Option<u64>,
+    /// Frames that an earlier run has finished.
+    pub skipped: Vec<i64>,
     /// Frames that could not be rendered, with the reason.
     pub lost: Vec<(i64, String)>,
     /// Each frame.

@@ -6,9 +6,11 @@ mod pieces;
 mod pyramid;
 mod texture;
 
+use std::io::{BufRead, Cursor, Seek};
 use std::path::{Path, PathBuf};
 
 use glam::Vec4;
+use image::ImageReader;
 
 #[cfg(feature = "oiio")]
 pub use pieces::make_texture;
@@ -57,8 +59,28 @@ pub fn read<T: Copy + Default, E: From<Unreadable>>(
     claim: impl FnMut(usize, usize) -> Result<(), E>,
     pixel: impl Fn(Vec4, Alpha) -> T,
 ) -> Result<Image<T>, E> {
-    let image =
-        if has_extension(path, &["exr"]) { exr_file(path, claim, pixel)? } else { other_file(path, claim, pixel)? };
+    let image = if has_extension(path, &["exr"]) {
+        exr_file(path, claim, pixel)?
+    } else {
+        decode(path, || ImageReader::open(path), claim, pixel)?
+    };
+    not_empty(path, image)
+}
+
+/// As [`read`], of a file's bytes (not OpenEXR's); `path` is what errors name.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_bytes<T, E: From<Unreadable>>(
+    path: &Path,
+    bytes: &[u8],
+    claim: impl FnMut(usize, usize) -> Result<(), E>,
+    pixel: impl Fn(Vec4, Alpha) -> T,
+) -> Result<Image<T>, E> {
+    not_empty(path, decode(path, || Ok(ImageReader::new(Cursor::new(bytes))), claim, pixel)?)
+}
+
+fn not_empty<T, E: From<Unreadable>>(path: &Path, image: Image<T>) -> Result<Image<T>, E> {
     if image.pixels.is_empty() {
         let reason = format!("it holds {} x {} pixels", image.width, image.height);
         return Err(Unreadable { path: path.to_owned(), reason }.into());
@@ -98,17 +120,15 @@ fn exr_file<T: Copy + Default, E: From<Unreadable>>(
     Ok(self::Image { width: size.width(), height: size.height(), pixels })
 }
 
-fn other_file<T, E: From<Unreadable>>(
+/// What the crate `image` makes of a file that can be opened twice.
+fn decode<T, E: From<Unreadable>, R: BufRead + Seek>(
     path: &Path,
+    open: impl Fn() -> std::io::Result<ImageReader<R>>,
     mut claim: impl FnMut(usize, usize) -> Result<(), E>,
     pixel: impl Fn(Vec4, Alpha) -> T,
 ) -> Result<Image<T>, E> {
     let broken = |reason: String| Unreadable { path: path.to_owned(), reason };
-    let open = || {
-        image::ImageReader::open(path)
-            .and_then(image::ImageReader::with_guessed_format)
-            .map_err(|error| broken(error.to_string()))
-    };
+    let open = || open().and_then(ImageReader::with_guessed_format).map_err(|error| broken(error.to_string()));
     let (width, height) = open()?.into_dimensions().map_err(|error| broken(error.to_string()))?;
     let (width, height) = (width as usize, height as usize);
     claim(width, height)?;
@@ -165,6 +185,11 @@ mod tests {
         );
         let seen = told.unwrap();
         assert_eq!((seen.width, seen.height, seen.pixels.len()), (4, 2, 8));
+        let bytes = std::fs::read(&png).unwrap();
+        let held = read_bytes::<_, Unreadable>(&png, &bytes, |_, _| Ok(()), |value, _| value).unwrap();
+        assert_eq!(held.pixels, seen.pixels);
+        let cut = read_bytes::<_, Unreadable>(&png, &bytes[..20], |_, _| Ok(()), |value, _| value);
+        assert!(cut.unwrap_err().to_string().contains("grey.png"));
         assert!((seen.pixels[5] - Vec4::new(0.502_886_5, 0.502_886_5, 0.502_886_5, 0.2)).abs().max_element() < 1e-4);
         let hdr = folder.path().join("bright.hdr");
         image::Rgb32FImage::from_pixel(4, 2, image::Rgb([4.0, 2.0, 0.5])).save(&hdr).unwrap();

@@ -17,6 +17,7 @@ use crate::ffi::oiio_texture::{self, SystemTexture, TextureSystem};
 pub(super) struct Pieces {
     path: PathBuf,
     texture: SystemTexture,
+    wrap: [Wrap; 2],
     failure: OnceLock<String>,
 }
 
@@ -48,7 +49,7 @@ impl Pieces {
                     .into(),
             ));
         }
-        let pieces = Self { path: path.to_owned(), texture, failure: OnceLock::new() };
+        let pieces = Self { path: path.to_owned(), texture, wrap, failure: OnceLock::new() };
         // A file may open and yet have nothing to show: the finest level's middle and the mean of all must be there.
         pieces.at(Vec2::splat(0.5), [Vec2::ZERO; 2]);
         pieces.at(Vec2::splat(0.5), [Vec2::X, Vec2::Y]);
@@ -68,6 +69,7 @@ impl Pieces {
     }
 
     fn probe(&self, place: Vec2, round: f32) -> Vec4 {
+        let place = Vec2::new(self.wrap[0].folded(place.x), self.wrap[1].folded(place.y));
         match self.texture.lookup(place.to_array(), [round, 0.0, 0.0, round]) {
             Ok(color) if color.iter().all(|value| value.is_finite()) => Vec4::from_array(color),
             Ok(color) => {

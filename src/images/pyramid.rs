@@ -115,8 +115,9 @@ fn between(share: f32, count: usize, wrap: Wrap) -> (usize, usize, f32) {
             let first = if low < 0.0 { count - 1 } else { (low as usize).min(count - 1) };
             (first, if first + 1 == count { 0 } else { first + 1 }, place - low)
         }
-        Wrap::Clamp => {
-            let place = (share * count as f32 - 0.5).clamp(0.0, (count - 1) as f32);
+        // Beyond the edge of a mirrored image is the pixel at its edge once more.
+        Wrap::Clamp | Wrap::Mirror => {
+            let place = (wrap.folded(share) * count as f32 - 0.5).clamp(0.0, (count - 1) as f32);
             let low = place.floor();
             (low as usize, (low as usize + 1).min(count - 1), place - low)
         }
@@ -208,6 +209,18 @@ mod tests {
     }
 
     #[test]
+    fn a_mirrored_image_goes_back_and_forth() {
+        let pyramid = Pyramid::new(image(4, 1, |x, _| x as f32), [Wrap::Mirror, Wrap::Clamp]);
+        for (place, pixel) in [(0.125, 0.0), (0.875, 3.0), (1.125, 3.0), (1.875, 0.0), (2.125, 0.0), (-0.125, 0.0)] {
+            let seen = pyramid.at(Vec2::new(place, 0.5), [Vec2::ZERO; 2]);
+            assert!((seen - pixel).abs() < 1e-5, "{place}: {seen}");
+        }
+        // Half way over an edge there is the edge's own pixel on both sides.
+        assert_eq!([-1.0, 0.0, 1.0].map(|x| pyramid.at(Vec2::new(x, 0.5), [Vec2::ZERO; 2])), [3.0, 0.0, 3.0]);
+        assert!((pyramid.at(Vec2::splat(-0.3), [Vec2::new(2.0, 0.0), Vec2::ZERO]) - 1.5).abs() < 0.01);
+    }
+
+    #[test]
     fn a_wide_footprint_sees_the_mean_and_a_long_one_only_along_itself() {
         let pyramid = checker(256);
         let stripes = Pyramid::new(image(256, 256, |x, _| ((x / 8) % 2) as f32), REPEAT);
@@ -227,8 +240,10 @@ mod tests {
         #[test]
         fn any_place_and_footprint_gives_a_mixture(
             x in prop::num::f32::NORMAL, y in -2.0f32..3.0, a in prop::array::uniform4(prop::num::f32::ANY),
+            mirrored in prop::bool::ANY,
         ) {
-            let pyramid = Pyramid::new(image(7, 12, |x, y| ((x + y) % 3) as f32), [Wrap::Repeat, Wrap::Clamp]);
+            let wrap = if mirrored { Wrap::Mirror } else { Wrap::Repeat };
+            let pyramid = Pyramid::new(image(7, 12, |x, y| ((x + y) % 3) as f32), [wrap, Wrap::Clamp]);
             let value = pyramid.at(Vec2::new(x, y), [Vec2::new(a[0], a[1]), Vec2::new(a[2], a[3])]);
             prop_assert!((-1e-5..=2.0 + 1e-5).contains(&value), "{}", value);
         }

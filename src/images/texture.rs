@@ -16,12 +16,26 @@ use super::{Alpha, Image, Unreadable};
 use super::pieces::Pieces;
 
 /// What is beyond an image's edge, along one of its axes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Wrap {
     /// The image again.
     Repeat,
     /// Its outermost pixels.
     Clamp,
+    /// Its mirror image, and then the image again.
+    Mirror,
+}
+
+impl Wrap {
+    /// Where in 0..1 a place of a mirrored image is; any other is left as it is.
+    #[inline]
+    pub(super) fn folded(self, share: f32) -> f32 {
+        if self != Self::Mirror {
+            return share;
+        }
+        let turn = share - 2.0 * (0.5 * share).floor();
+        if turn > 1.0 { 2.0 - turn } else { turn }
+    }
 }
 
 /// The memory that all textures of a run that are read piece by piece share.

@@ -235,7 +235,9 @@ pub fn lower_within(
         }
     }
     let eye = view.map(|view| (view.eye - origin, view.pixel_angle));
-    let (mut spray, mist, thinning) = spray::gather(scene, frame, origin, water.as_deref(), eye, budget)?;
+    let images = environment.meshes.iter().filter_map(|(_, mesh)| mesh.images.as_ref());
+    let images = images.map(|images| images.bytes()).sum();
+    let (mut spray, mist, thinning) = spray::gather(scene, frame, origin, water.as_deref(), eye, budget, images)?;
     spray::parts(scene, &mut spray, eye, water.as_deref(), &mut add)?;
     let spray = Arc::new(spray);
     for (index, sphere) in environment.spheres.iter().enumerate() {
@@ -249,9 +251,10 @@ pub fn lower_within(
         if farthest >= 1e15 {
             return Err(LowerError::TooFar { name: name.clone(), distance: farthest });
         }
-        let material = match &mesh.albedo {
-            MeshAlbedo::Uniform(albedo) => Material::Diffuse(*albedo),
-            MeshAlbedo::PerVertex(albedo) => Material::VertexColours(Arc::new(albedo.clone())),
+        let material = match (&mesh.images, &mesh.albedo) {
+            (Some(images), albedo) => Material::Images { albedo: Arc::new(albedo.clone()), images: Arc::clone(images) },
+            (None, MeshAlbedo::Uniform(albedo)) => Material::Diffuse(*albedo),
+            (None, MeshAlbedo::PerVertex(albedo)) => Material::VertexColours(Arc::new(albedo.clone())),
         };
         let shape = Triangles {
             position: mesh.positions_around(origin),

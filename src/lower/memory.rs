@@ -71,8 +71,9 @@ pub(super) struct Account<'a> {
 }
 
 impl<'a> Account<'a> {
-    /// The account of a frame, of which motion blur holds several moments and the next frame.
-    pub(super) fn new(scene: &'a Scene, frame: &Frame) -> Self {
+    /// The account of a frame, of which motion blur holds several moments and the next frame, beside `images` bytes of images
+    /// on meshes, which all moments share.
+    pub(super) fn new(scene: &'a Scene, frame: &Frame, images: u64) -> Self {
         let blurred = scene.camera.motion_steps > 1 && scene.camera.shutter > 0.0;
         let moments = if blurred { u64::from(scene.camera.motion_steps) } else { 1 };
         let states = if blurred { moments + 2 } else { 1 };
@@ -87,8 +88,12 @@ impl<'a> Account<'a> {
         } else {
             0
         };
-        let fixed =
-            PROGRAM + columns * (COLUMN + CELL * cells) * moments + pixels * pixel + count * READ * states + judged;
+        let fixed = PROGRAM
+            + images
+            + columns * (COLUMN + CELL * cells) * moments
+            + pixels * pixel
+            + count * READ * states
+            + judged;
         Self { scene, fixed, moments }
     }
 
@@ -148,14 +153,15 @@ mod tests {
         (frame.columns.nx, frame.columns.nz) = (100, 100);
         frame.particles.position = vec![[0.0; 3]; 1000];
         let counts = Counts { drawn: 1_000_000, ..Counts::default() };
-        let account = Account::new(&scene, &frame);
+        let account = Account::new(&scene, &frame, 0);
         let (besides, spray) = (account.besides(&counts), account.spray(&counts));
         assert_eq!(account.most(besides + spray, &counts).unwrap(), 1_000_000);
         assert_eq!(account.most(besides + spray / 2, &counts).unwrap(), 500_000);
         assert!(account.most(besides + spray, &Counts { streaks: true, ..counts }).unwrap() < 400_000);
         assert_eq!(account.most(besides, &counts).unwrap(), 0);
+        assert_eq!(Account::new(&scene, &frame, 1 << 30).besides(&counts), besides + (1 << 30));
         scene.camera.motion_steps = 4;
-        let blurred = Account::new(&scene, &frame);
+        let blurred = Account::new(&scene, &frame, 0);
         assert_eq!(blurred.spray(&counts), 4 * spray);
         let error = blurred.most(besides, &counts).unwrap_err().to_string();
         assert!(error.contains("--memory") && error.contains("MB"), "{error}");

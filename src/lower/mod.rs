@@ -20,6 +20,7 @@ use glam::{DVec3, Vec3};
 
 use crate::math::RoundCone;
 use crate::surface::{DisplacedSurface, Sides, SplineSurface};
+use crate::terrain::{MeshAlbedo, MeshImages};
 
 /// Everything that can be hit, ready for an accelerator.
 #[derive(Clone, Debug, Default)]
@@ -59,6 +60,13 @@ pub enum Material {
     Diffuse(Vec3),
     /// Diffuse, one albedo per triangle vertex.
     VertexColours(Arc<Vec<Vec3>>),
+    /// Diffuse: one albedo, or one per triangle vertex, times what the images show.
+    Images {
+        /// Linear Rec.709 albedo.
+        albedo: Arc<MeshAlbedo>,
+        /// Images over the same triangles.
+        images: Arc<MeshImages>,
+    },
 }
 
 /// Geometry in the local frame (m).

@@ -62,7 +62,8 @@ pub struct Thinning {
 type Gathered = (Spray, Option<Arc<Mist>>, Thinning);
 
 /// The particles that are drawn, sorted by class where the scene leaves the choice to them, and the mist that the others
-/// are; thinned as far as they are small from where they are seen, or as a budget (bytes) asks for.
+/// are; thinned as far as they are small from where they are seen, or as a budget (bytes) asks for, of which
+/// meshes' `images` take some.
 pub(super) fn gather(
     scene: &Scene,
     frame: &Frame,
@@ -70,9 +71,10 @@ pub(super) fn gather(
     water: Option<&SplineSurface>,
     sight: Option<Sight>,
     budget: Option<u64>,
+    images: u64,
 ) -> Result<Gathered, LowerError> {
     let settings = &scene.particles;
-    let account = Account::new(scene, frame);
+    let account = Account::new(scene, frame, images);
     let mist_budget = |misty: usize| match budget {
         Some(budget) => Ok(account.left_for_mist(budget, misty)?.min(mist::BUDGET)),
         None => Ok::<u64, LowerError>(mist::BUDGET),

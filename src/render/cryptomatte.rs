@@ -7,6 +7,7 @@
 use crate::{
     lower::{Lowered, Material},
     output::cryptomatte::{Cryptomatte, RANKS, channels, id_bits},
+    terrain::MeshAlbedo,
 };
 
 use super::{
@@ -101,6 +102,11 @@ fn material(material: &Material) -> &'static str {
         Material::Spray { .. } => "spray",
         Material::Diffuse(_) => "diffuse",
         Material::VertexColours(_) => "vertex_colours",
+        // An image on it makes no other thing of it.
+        Material::Images { albedo, .. } => match **albedo {
+            MeshAlbedo::Uniform(_) => "diffuse",
+            MeshAlbedo::PerVertex(_) => "vertex_colours",
+        },
     }
 }
 

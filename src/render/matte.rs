@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::{film::Layer, spray::Drops, wave::Arrival, world::World};
 use crate::lower::{Material, Shape};
+use crate::terrain::{MeshAlbedo, MeshImages};
 
 /// Spray that a ray passes before it takes the next for opaque; a ball counts twice, in and out.
 pub(super) const PASSES: u16 = 64;
@@ -153,6 +154,14 @@ impl World<'_> {
             }
             Material::Diffuse(albedo) => matte.albedo = *albedo,
             Material::VertexColours(colours) => matte.albedo = vertex_colour(arrival, colours),
+            Material::Images { albedo, images } => {
+                let albedo = match &**albedo {
+                    MeshAlbedo::Uniform(albedo) => *albedo,
+                    MeshAlbedo::PerVertex(colours) => vertex_colour(arrival, colours),
+                };
+                let spans = carrier.cone.spans(carrier.distance, *direction, contact.normal);
+                matte.albedo = albedo * image_colour(arrival, images, spans);
+            }
             // Water has a shading of its own.
             Material::Water | Material::Sheet => {}
         }
@@ -170,6 +179,13 @@ fn vertex_colour(arrival: &Arrival, colours: &[Vec3]) -> Vec3 {
     let [a, b, c] = triangles.index[arrival.primitive as usize].map(|corner| colours[corner as usize]);
     let [u, v] = arrival.place;
     a * (1.0 - u - v) + b * u + c * v
+}
+
+fn image_colour(arrival: &Arrival, images: &MeshImages, spans: [Vec3; 2]) -> Vec3 {
+    let Shape::Triangles(triangles) = &arrival.part.shape else { return Vec3::ONE };
+    let corners = triangles.index[arrival.primitive as usize];
+    let position = corners.map(|corner| triangles.position[corner as usize]);
+    images.at(arrival.primitive, corners, position, arrival.place, spans)
 }
 
 #[cfg(test)]

@@ -224,7 +224,7 @@ impl World<'_> {
                     carrier.share *= 1.0 - look.opacity;
                 }
             }
-            Material::Ground | Material::Diffuse(_) | Material::VertexColours(_) => return,
+            Material::Ground | Material::Diffuse(_) | Material::VertexColours(_) | Material::Images { .. } => return,
         }
         carrier.crossed += 1;
         if carrier.share < LEAST_SHARE || carrier.crossed > CROSSINGS {

@@ -388,7 +388,9 @@ impl<'a> World<'a> {
                 .parts
                 .iter()
                 .any(|part| matches!(part.material, Material::Spray { .. } | Material::Sheet)),
-            has_images: sky.is_image() || matter.has_ground_image(),
+            has_images: sky.is_image()
+                || matter.has_ground_image()
+                || lowered.parts.iter().any(|part| matches!(part.material, Material::Images { .. })),
             tolerance,
             secondary_tolerance: tolerance.map(|part| part * scene.surface.secondary_accuracy as f32),
         };

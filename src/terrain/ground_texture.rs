@@ -1,16 +1,14 @@
 //! An image laid over the ground from above: where it lies, and its albedo over a footprint. Its light is the renderer's matter.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use super::TerrainError;
+use super::albedo_image::{LIMIT, held, hold};
 use crate::images::{self, Image, Texture, TextureMemory, Wrap, premultiplied};
 use crate::scene;
 use crate::state::Columns;
-
-/// Most pixels of an image that is held whole: 16384 x 16384, 6 GB with its mip levels.
-const LIMIT: usize = 1 << 28;
 
 /// The image of a scene's ground, wherever its frames lie.
 #[derive(Clone, Debug)]
@@ -107,39 +105,17 @@ fn covered(place: Vec2, [a, b]: [Vec2; 2]) -> f32 {
     along(place.x, half.x) * along(place.y, half.y)
 }
 
-/// An albedo: nothing below 0 or above its own cover.
-fn held(pixel: Vec4) -> Vec4 {
-    let alpha = pixel.w.clamp(0.0, 1.0);
-    pixel.truncate().clamp(Vec3::ZERO, Vec3::splat(alpha)).extend(alpha)
-}
-
 fn whole(path: &Path) -> Result<Image<Vec4>, TerrainError> {
-    let wrong = |reason: String| images::Unreadable { path: PathBuf::from(path), reason };
     let claim = |width: usize, height: usize| {
         if width.saturating_mul(height) > LIMIT {
             let reason =
                 format!("it claims {width} x {height} pixels; expected at most {LIMIT}, or a .tx, read piece by piece");
-            return Err(TerrainError::Texture(wrong(reason)));
+            return Err(TerrainError::Texture(images::Unreadable { path: path.to_owned(), reason }));
         }
         Ok(())
     };
     let mut image = images::read(path, claim, premultiplied)?;
-    let mut beyond = 0_usize;
-    for (index, pixel) in image.pixels.iter_mut().enumerate() {
-        if !pixel.is_finite() {
-            let (x, y) = (index % image.width, index / image.width);
-            let reason = format!("pixel ({x}, {y}) is {:?}; expected finite numbers", pixel.to_array());
-            return Err(wrong(reason).into());
-        }
-        let albedo = held(*pixel);
-        // Half's rounding is no excess.
-        beyond += usize::from((albedo - *pixel).abs().max_element() > 1e-3);
-        *pixel = albedo;
-    }
-    if beyond > 0 {
-        // An albedo above 1 would make light.
-        tracing::warn!("{}: {beyond} pixels are beyond 0 to alpha; taken as the nearest in it", path.display());
-    }
+    hold(path, &mut image)?;
     Ok(image)
 }
 

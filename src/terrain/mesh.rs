@@ -3,14 +3,17 @@
 //! One reader per format beside this file; what they have in common, and what every mesh must keep to, is here.
 
 mod gltf_file;
+mod images;
 mod obj_file;
 mod ply_file;
 
 use std::path::Path;
+use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 use super::TerrainError;
+pub use images::MeshImages;
 
 /// Albedo of meshes whose file says nothing about colour: a mid grey.
 pub const DEFAULT_ALBEDO: Vec3 = Vec3::splat(0.5);
@@ -26,6 +29,8 @@ pub struct Mesh {
     pub index: Vec<[u32; 3]>,
     /// Linear Rec.709 albedo.
     pub albedo: MeshAlbedo,
+    /// What multiplies it on triangles that show an image; `None` if none does.
+    pub images: Option<Arc<MeshImages>>,
 }
 
 /// One albedo, or one per vertex.
@@ -45,22 +50,28 @@ impl Mesh {
 }
 
 /// Vertices as a file gives them, before the checks.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 struct Raw {
     position: Vec<DVec3>,
     /// As many as vertices, or not used.
     normal: Vec<Vec3>,
     index: Vec<[u32; 3]>,
     albedo: Vec<Vec3>,
+    /// As many as vertices where there are images, 0 on what shows none.
+    place: Vec<Vec2>,
+    /// As many as triangles where there are images: the number of one, or [`images::NO_IMAGE`].
+    shown: Vec<u32>,
+    images: images::Gathered,
 }
 
 /// Reads a mesh; the file's ending says which format (.obj, .gltf, .glb, .ply).
 ///
-/// Base colours of materials and vertex colours become albedo, 8- and 16-bit vertex colours of PLY are decoded from sRGB; textures are not read.
+/// Base colours of materials and vertex colours become albedo, 8- and 16-bit vertex colours of PLY are decoded from sRGB.
+/// They are multiplied by the materials' images (base colour of glTF, `map_Kd` of OBJ), which are held whole, with mip levels.
 ///
 /// # Errors
 /// An unknown ending; a file that is missing, cut off or broken; numbers that are not finite; an index beyond the vertices; no
-/// triangle; an albedo outside 0..1.
+/// triangle; an albedo outside 0..1; an image that is missing, broken or too large, or whose coordinates are missing or wrong.
 pub fn load_mesh(path: &Path) -> Result<Mesh, TerrainError> {
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or("").to_ascii_lowercase();
     let raw = match ending.as_str() {
@@ -77,7 +88,7 @@ fn broken(path: &Path, reason: impl ToString) -> TerrainError {
 }
 
 fn check(path: &Path, raw: Raw) -> Result<Mesh, TerrainError> {
-    let Raw { position, mut normal, index, albedo } = raw;
+    let Raw { position, mut normal, index, albedo, place, shown, images } = raw;
     let vertices = position.len();
     let wrong = |what, vertex, value: DVec3, expected| {
         Err(TerrainError::Vertex { path: path.to_owned(), what, vertex, value: value.to_array(), expected })
@@ -116,8 +127,11 @@ fn check(path: &Path, raw: Raw) -> Result<Mesh, TerrainError> {
     } else {
         MeshAlbedo::PerVertex(albedo)
     };
-    Ok(Mesh { position, normal, index, albedo })
+    let images = images.over(shown, place).map(Arc::new);
+    Ok(Mesh { position, normal, index, albedo, images })
 }
 
+#[cfg(test)]
+mod image_tests;
 #[cfg(test)]
 mod tests;

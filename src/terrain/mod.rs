@@ -3,6 +3,7 @@
 //! The bed's shape is a surface of its own (the surface room); here is its look, and the shapes of everything else. Height
 //! maps and landforms are where a simulation's bed comes from.
 
+mod albedo_image;
 mod ground;
 mod ground_texture;
 mod height_map;
@@ -19,7 +20,7 @@ pub use ground::{Ground, GroundPoint};
 pub use ground_texture::{GroundTexture, PlacedTexture};
 pub use height_map::{HeightMap, Reading};
 pub use landform::{LARGEST_NUMBER_OF_COLUMNS, land};
-pub use mesh::{DEFAULT_ALBEDO, Mesh, MeshAlbedo, load_mesh};
+pub use mesh::{DEFAULT_ALBEDO, Mesh, MeshAlbedo, MeshImages, load_mesh};
 pub use sky_view::SkyView;
 pub use solid::{Ball, ball, panel};
 pub use waterline::Waterline;

@@ -43,6 +43,7 @@ pub fn panel(panel: &state::Panel) -> Result<Mesh, TerrainError> {
         normal: Vec::new(),
         index: vec![[a, b, c], [a, c, d]],
         albedo: MeshAlbedo::Uniform(Vec3::from_array(panel.albedo.map(|value| value as f32))),
+        images: None,
     })
 }
 

@@ -301,7 +301,7 @@ impl World<'_> {
                     way.left < LEAST
                 }
             },
-            Material::Ground | Material::Diffuse(_) | Material::VertexColours(_) => {
+            Material::Ground | Material::Diffuse(_) | Material::VertexColours(_) | Material::Images { .. } => {
                 if let Some((front, since)) = way.water {
                     note(Kind::Solid, front, depth, self.deep_water_alpha(distance - since));
                 }

@@ -57,6 +57,57 @@ fn a_checker_at_a_grazing_angle_is_its_mean_far_away_and_itself_near_by() {
 }
 
 #[test]
+fn a_mesh_shows_its_image_as_the_ground_does() {
+    let folder = tempfile::tempdir().unwrap();
+    checker(&folder.path().join("checker.png"), [64, 64], 8);
+    // An image to a metre, as u = x and v = z; upwards in an OBJ.
+    let text = "mtllib m.mtl\nv -99 0 -99\nv 99 0 -99\nv 99 0 99\nv -99 0 99\nvt -99 100\nvt 99 100\nvt 99 -98\n\
+                vt -99 -98\nusemtl m\nf 1/1 4/4 3/3 2/2\n";
+    std::fs::write(folder.path().join("plate.obj"), text).unwrap();
+    std::fs::write(folder.path().join("m.mtl"), "newmtl m\nKd 0.5 1 1\nmap_Kd checker.png\n").unwrap();
+    let plate = crate::terrain::load_mesh(&folder.path().join("plate.obj")).unwrap();
+    let shape = Triangles {
+        position: plate.positions_around(DVec3::ZERO),
+        normal: plate.normal.clone(),
+        index: plate.index.clone(),
+    };
+    let images = Material::Images { albedo: Arc::new(plate.albedo.clone()), images: plate.images.clone().unwrap() };
+    let terrain = Terrain {
+        texture: Some("checker.png".into()),
+        texture_extent: Some([0.0, 0.0, 1.0, 1.0]),
+        ..Terrain::default()
+    };
+    let texture = GroundTexture::load(&terrain, folder.path(), &Default::default()).unwrap().unwrap();
+    let placed = texture.placed(&Columns::default(), DVec3::ZERO);
+    for integrator in [Integrator::Whitted, Integrator::Path] {
+        let picture = |material: &Material, look_at: [f64; 3], fov: f64| {
+            let mut scene = uniform(1.0, 48);
+            (scene.render.samples, scene.render.filter, scene.render.filter_width) = (1, PixelFilter::Box, 1.0);
+            (scene.camera.fov, scene.render.integrator) = (fov, integrator);
+            let parts = vec![part("plate", material.clone(), Shape::Triangles(Arc::new(shape.clone())))];
+            let mut setup = Setup::new(scene, parts, [0.3, 1.5, 0.2], look_at);
+            let placed = placed.clone();
+            setup.matter.ground_image =
+                Some(Box::new(move |position: Vec3, spans: [Vec3; 2]| placed.at(position, spans)));
+            setup.render().0
+        };
+        // Far off at a grazing angle, where a lookup of the finest level would be noise, and near by.
+        for (look_at, fov, flat) in [([3.0, 0.0, -40.0], 2.0, true), ([0.3, 0.0, 0.2001], 30.0, false)] {
+            let [mesh, ground] = [&images, &Material::Ground].map(|material| picture(material, look_at, fov));
+            for (a, b) in samples(&mesh, "albedo.G").iter().zip(samples(&ground, "albedo.G")) {
+                assert!((a - b).abs() < 0.02, "{integrator:?} {look_at:?}: {a} {b}");
+            }
+            for (red, green) in samples(&mesh, "albedo.R").iter().zip(samples(&mesh, "albedo.G")) {
+                assert!((red - 0.5 * green).abs() < 1e-3);
+            }
+            let [mean, deviation] = spread(samples(&mesh, "albedo.G"));
+            assert!((mean - 0.5).abs() < 0.2 && (deviation < 0.06) == flat, "{integrator:?}: {mean} {deviation}");
+            assert!(spread(samples(&mesh, "G"))[0] > 0.3);
+        }
+    }
+}
+
+#[test]
 fn an_image_covers_the_ground_by_its_alpha() {
     for (alpha, seen) in [(1.0, 0.2), (0.5, 0.2 + 0.5 * 0.5), (0.0, 0.2 + 0.5)] {
         let ground = part("terrain", Material::Ground, mesh(level(0.0, 100.0)));

@@ -1,13 +1,16 @@
-//! glTF 2.0 (.gltf with its buffers, .glb), through the crate `gltf`: node transforms, base colour factors, vertex colours.
+//! glTF 2.0 (.gltf with its buffers, .glb), through the crate `gltf`: node transforms, base colour factors and images, vertex
+//! colours. What is on an image is opaque, whatever its alpha; between its pixels it is mixed, whatever filter the file names.
 //!
 //! The crate's readers index and add without checks, so every accessor is checked here before it is read.
 
 use std::path::Path;
 
-use glam::{DMat4, DVec3, Vec3};
-use gltf::{Accessor, Node, Primitive, Semantic, accessor::DataType, accessor::Dimensions, mesh::Mode};
+use glam::{DMat4, DVec3, Vec2, Vec3};
+use gltf::{Accessor, Material, Node, Primitive, Semantic, accessor::DataType, accessor::Dimensions, mesh::Mode};
 
+use super::images::{NO_IMAGE, placed};
 use super::{DEFAULT_ALBEDO, Raw, TerrainError, broken};
+use crate::images::Wrap;
 
 pub(super) fn read(path: &Path) -> Result<Raw, TerrainError> {
     let bytes = std::fs::read(path).map_err(|error| broken(path, error))?;
@@ -34,6 +37,7 @@ pub(super) fn read(path: &Path) -> Result<Raw, TerrainError> {
     let buffers = gltf::import_buffers(&document, path.parent(), blob).map_err(|error| broken(path, error))?;
     let mut reader = Reader {
         path,
+        document: &document,
         buffers: &buffers,
         visited: vec![false; document.nodes().count()],
         raw: Raw::default(),
@@ -79,8 +83,32 @@ fn decodes(uri: &str) -> bool {
     std::str::from_utf8(&out).is_ok()
 }
 
+/// A material's image and where it lies.
+struct Painted {
+    material: String,
+    /// Its number among the gathered ones.
+    image: u32,
+    /// Which of a primitive's sets of coordinates.
+    set: u32,
+    offset: Vec2,
+    scale: Vec2,
+    /// Radians.
+    rotation: f32,
+}
+
+impl Painted {
+    /// Coordinates by `KHR_texture_transform`, whose example says which way it turns: with the third axis towards the viewer and
+    /// v down, from v to u.
+    fn place(&self, coordinates: [f32; 2]) -> Vec2 {
+        let Vec2 { x, y } = Vec2::from_array(coordinates) * self.scale;
+        let (sine, cosine) = self.rotation.sin_cos();
+        self.offset + Vec2::new(cosine * x + sine * y, cosine * y - sine * x)
+    }
+}
+
 struct Reader<'a> {
     path: &'a Path,
+    document: &'a gltf::Document,
     buffers: &'a [gltf::buffer::Data],
     visited: Vec<bool>,
     raw: Raw,
@@ -156,6 +184,26 @@ impl Reader<'_> {
             self.raw.albedo.extend(std::iter::repeat_n(base, count));
         }
 
+        let painted = self.painted(&material)?;
+        match &painted {
+            Some(painted) => {
+                let Some(places) = primitive.get(&Semantic::TexCoords(painted.set)) else {
+                    return Err(wrong(&format!(
+                        "{} has an image, but a primitive has no TEXCOORD_{}",
+                        painted.material, painted.set
+                    )));
+                };
+                self.check(&places, Dimensions::Vec2, &[DataType::F32, DataType::U8, DataType::U16], count)?;
+                let places =
+                    reader.read_tex_coords(painted.set).ok_or_else(|| wrong("texture coordinates cannot be read"))?;
+                for (vertex, place) in places.into_f32().enumerate() {
+                    let place = placed(self.path, &painted.material, vertex, painted.place(place))?;
+                    self.raw.place.push(place);
+                }
+            }
+            None => self.raw.place.extend(std::iter::repeat_n(Vec2::ZERO, count)),
+        }
+
         let corners: Vec<u32> = match primitive.indices() {
             Some(indices) => {
                 self.check(
@@ -185,7 +233,54 @@ impl Reader<'_> {
             Mode::TriangleFan => corners.windows(2).skip(1).for_each(|t| push(corners[0], t[0], t[1])),
             _ => corners.chunks_exact(3).for_each(|t| push(t[0], t[1], t[2])),
         }
+        self.raw.shown.resize(self.raw.index.len(), painted.map_or(NO_IMAGE, |painted| painted.image));
         Ok(())
+    }
+
+    /// The image of a material's base colour, read; `None` if it has none.
+    fn painted(&mut self, material: &Material<'_>) -> Result<Option<Painted>, TerrainError> {
+        let Some(info) = material.pbr_metallic_roughness().base_color_texture() else { return Ok(None) };
+        let number = material.index().map_or_else(String::new, |index| index.to_string());
+        let material = format!("material {}", material.name().map_or(number, |name| format!("{name:?}")));
+        let texture = info.texture();
+        let wrap = |mode| match mode {
+            gltf::texture::WrappingMode::ClampToEdge => Wrap::Clamp,
+            gltf::texture::WrappingMode::MirroredRepeat => Wrap::Mirror,
+            gltf::texture::WrappingMode::Repeat => Wrap::Repeat,
+        };
+        let wrap = [texture.sampler().wrap_s(), texture.sampler().wrap_t()].map(wrap);
+        let index = texture.source().index();
+        // As the file has it: the crate takes it for granted that an image in a view says what kind of image it is.
+        let source = &self.document.as_json().images[index];
+        let address = source.uri.as_deref().filter(|uri| !uri.starts_with("data:"));
+        // No address has a blank.
+        let name = address.map_or_else(|| format!("embedded image {index}"), str::to_owned);
+        let (path, buffers, document) = (self.path, self.buffers, self.document);
+        let bytes = || match (&source.uri, source.buffer_view) {
+            (Some(uri), None) if decodes(uri) => {
+                let read = gltf::buffer::Data::from_source(gltf::buffer::Source::Uri(uri), path.parent());
+                read.map(|data| data.0).map_err(|error| error.to_string())
+            }
+            (None, Some(view)) => {
+                let view = document.views().nth(view.value()).ok_or("its buffer view is not there")?;
+                let data = buffers.get(view.buffer().index()).map_or(&[][..], |data| &data.0);
+                let end = view.offset().checked_add(view.length());
+                let within = end.and_then(|end| data.get(view.offset()..end));
+                within.map(<[u8]>::to_vec).ok_or_else(|| "its buffer view reaches beyond its buffer".to_owned())
+            }
+            _ => Err("expected either an address or a buffer view".to_owned()),
+        };
+        let image = self.raw.images.image(path, &material, &name, wrap, bytes)?;
+        let transform = info.texture_transform();
+        let transform = transform.as_ref();
+        Ok(Some(Painted {
+            material,
+            image,
+            set: transform.and_then(|transform| transform.tex_coord()).unwrap_or(info.tex_coord()),
+            offset: transform.map_or(Vec2::ZERO, |transform| transform.offset().into()),
+            scale: transform.map_or(Vec2::ONE, |transform| transform.scale().into()),
+            rotation: transform.map_or(0.0, |transform| transform.rotation()),
+        }))
     }
 
     /// That an accessor is of this shape and lies within its view and its buffer.
