@@ -6,7 +6,8 @@
 //! no root lies in the cell if |F|ᵢ > Σⱼ (|J| + D)ᵢⱼ or |Y F|ᵢ > |det J| + Σⱼ (|Y| D)ᵢⱼ for some i; with
 //! κ = max Σⱼ (|Y| D)ᵢⱼ / |det J| < 1 there is at most one, within κ of -Y F / det J (Krawczyk's operator, 1969). The
 //! second test does not need det J ≠ 0: on a fold both rows of Y are the direction that J does not move F in, and F in
-//! that direction is what decides.
+//! that direction is what decides. Where these say nothing, `reach` may: it knows of no Jacobian, only where rays of all of
+//! the cell's slopes and heights go.
 
 use glam::DVec3;
 
@@ -334,9 +335,16 @@ impl<const K: usize> Patch<'_, '_, K> {
             }
             let polynomial = self.polynomial.over(cell.middle, cell.half);
             let (jet, ranges) = (polynomial.jet_at_middle(), polynomial.ranges());
-            let law = self.law(&cell, [0.0; 2], &jet);
             let size: [f64; 2] = std::array::from_fn(|axis| cell.half[axis] * self.width[axis]);
-            let contraction = match self.judge(&cell, &law, &jet, &ranges, size) {
+            let Some(reached) = self.reach(&cell, &jet, &ranges, size) else { continue };
+            let law = self.law(&cell, [0.0; 2], &jet);
+            let verdict = match self.judge(&cell, &law, &jet, &ranges, size) {
+                Verdict::Open if (0..2).any(|axis| reached.half[axis] < CONTRACT * cell.half[axis]) => {
+                    Verdict::Shrunk(reached)
+                }
+                decided => decided,
+            };
+            let contraction = match verdict {
                 Verdict::Empty => continue,
                 Verdict::Newton(contraction) => contraction,
                 Verdict::Shrunk(whole) if count < MOST_WAITING => {
@@ -358,6 +366,70 @@ impl<const K: usize> Patch<'_, '_, K> {
             };
             self.iterate(&polynomial, &cell, &leaf, law, contraction);
         }
+    }
+
+    /// Part of the cell where a ray from the point can be bent to a light at infinity, from what heights and slopes there are
+    /// alone; `None` if there is none. The whole cell where that says nothing.
+    ///
+    /// With q = -h_y and the slopes p, n d + w = h says that the ray's way along x is (w_x - q p_x) / (w_y + q) of its way
+    /// up, z alike, and q = (√(n² - 1 + cos²) - cos) N_y with the cosine between the light and the unit normal N. All are
+    /// ranges over the cell. In water as shallow as the cell is wide this says much where the bounds of `judge` say nothing.
+    #[inline(always)]
+    fn reach(&self, cell: &Cell, jet: &Jet<f64>, ranges: &Jet<f64>, size: [f64; 2]) -> Option<Cell> {
+        let Light::Direction(light) = self.light else { return Some(*cell) };
+        let n = self.query.ior;
+        let rise = jet.height - self.from.y;
+        let [low, high] = [(rise - ranges.height).max(0.0), rise + ranges.height];
+        if !(self.query.event == Event::Refraction && n >= 1.0 && high > 0.0) {
+            return Some(*cell);
+        }
+        let slope: [f64; 2] = std::array::from_fn(|i| jet.first[i] / size[i] + self.query.tilt[i]);
+        let room: [f64; 2] = std::array::from_fn(|i| ranges.first[i] / size[i]);
+        let steep: [f64; 2] = std::array::from_fn(|i| slope[i].abs() + room[i]);
+        let flat: [f64; 2] = std::array::from_fn(|i| (slope[i].abs() - room[i]).max(0.0));
+        let longest = (1.0 + steep[0] * steep[0] + steep[1] * steep[1]).sqrt();
+        let shortest = (1.0 + flat[0] * flat[0] + flat[1] * flat[1]).sqrt();
+        let towards = light.y - light.x * slope[0] - light.z * slope[1];
+        let spread = light.x.abs() * room[0] + light.z.abs() * room[1];
+        let most = ((towards + spread) / shortest).clamp(0.0, 1.0);
+        let least = ((towards - spread) / longest).clamp(0.0, 1.0);
+        let bend = |cosine: f64| (n * n - 1.0 + cosine * cosine).sqrt() - cosine;
+        let q = [bend(most) / longest, bend(least) / shortest];
+        let up = [light.y + q[0], light.y + q[1]];
+        if !(up[0] > 0.0) {
+            return Some(*cell);
+        }
+        let mut shrunk = *cell;
+        for axis in 0..2 {
+            let (along, from) = if axis == 0 { (light.x, self.from.x) } else { (light.z, self.from.z) };
+            let (p, r) = (slope[axis], room[axis]);
+            // Products and quotients of ranges: their ends are among the ends'.
+            let [a, b] = [p - r, p + r];
+            let bent =
+                [along - if b > 0.0 { q[1] * b } else { q[0] * b }, along - if a > 0.0 { q[0] * a } else { q[1] * a }];
+            let ways = [
+                bent[0] / if bent[0] > 0.0 { up[1] } else { up[0] },
+                bent[1] / if bent[1] > 0.0 { up[0] } else { up[1] },
+            ];
+            let ends = [
+                from + ways[0] * if ways[0] > 0.0 { low } else { high },
+                from + ways[1] * if ways[1] > 0.0 { high } else { low },
+            ];
+            let reach = 1.0 + BORDER / cell.half[axis];
+            let middle = cell.middle[axis] * self.width[axis];
+            // Rounding is far less than the border.
+            let low = ((ends[0] - middle) / size[axis] - (reach - 1.0)).max(-reach);
+            let high = ((ends[1] - middle) / size[axis] + (reach - 1.0)).min(reach);
+            if low.is_nan() || high.is_nan() {
+                return Some(*cell);
+            }
+            if low > high {
+                return None;
+            }
+            shrunk.middle[axis] += 0.5 * (low + high) * cell.half[axis];
+            shrunk.half[axis] *= 0.5 * (high - low);
+        }
+        Some(shrunk)
     }
 
     /// What bounds over the cell say of the roots in it.
