@@ -106,6 +106,9 @@ pub(super) fn gather(
         let streaks = settings.representation == ParticleRepresentation::Streamlines;
         let counts = Counts { drawn: spray.len(), streaks, ..Counts::default() };
         let (least, over_budget) = least_pixels(&account, &spray, settings, sight, budget, &counts, |_| 1)?;
+        if streaks {
+            close_up(scene, &mut spray, sight, &[], &[]);
+        }
         if let Some(sight) = sight.filter(|_| least > 0.0) {
             spray.thin(particles::covers(&spray, sight, least));
         }
@@ -114,11 +117,14 @@ pub(super) fn gather(
         return Ok((spray, None, thinning));
     }
     let mut shares = judged(scene, &spray, water);
+    let streaks: Vec<f32> = shares.iter().map(|shares| shares[Class::Streak as usize]).collect();
     // A drop of water is another matter than a streak or a bubble: from one to the other it fades.
     let stretch: Vec<f32> = match settings.matter {
         DropMatter::Diffuse => shares.iter_mut().map(particles::drawn_once).collect(),
         DropMatter::Water => Vec::new(),
     };
+    close_up(scene, &mut spray, sight, &streaks, &stretch);
+    drop(streaks);
     // What is too small to be told apart stops as much light as its own drops would: water in finer ones counts for more.
     let fine = settings.classes.atomised;
     let (mut position, mut velocity, mut mass) = (Vec::new(), Vec::new(), Vec::new());
@@ -196,6 +202,24 @@ fn streak_seconds(scene: &Scene) -> [f64; 2] {
         None if camera.motion_steps > 1 && open > 0.0 => [open, open / f64::from(camera.motion_steps)],
         None => [1.0 / 50.0; 2],
     }
+}
+
+/// Notes how wide streaks have to be to close up with neighbours that move alike. `share` is how much of each particle is a streak,
+/// `stretch` the part of its flight that it shows; none of either for all of it.
+///
+/// By all particles, also those that others will stand for: how dense they are does not hang on which are drawn.
+fn close_up(scene: &Scene, spray: &mut Spray, sight: Option<Sight>, share: &[f32], stretch: &[f32]) {
+    let merging = scene.particles.merging as f32;
+    // Questions have no eye: no streak is wider for them than it is.
+    if sight.is_none() || !(merging > 0.0) {
+        return;
+    }
+    let [whole, _] = streak_seconds(scene);
+    let length = |index: usize| {
+        spray.velocity[index].length() * whole as f32 * stretch.get(index).copied().unwrap_or(1.0)
+    };
+    let veils = particles::veils(spray, share, merging, length);
+    spray.set_veils(veils);
 }
 
 /// The parts of a spray, each by its class's name. It is seen from an eye (local frame, m) with pixels of so many radians;

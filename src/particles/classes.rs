@@ -95,7 +95,7 @@ pub fn mean_radius(radius: &[f32]) -> f32 {
 }
 
 /// 0 below `low`, 1 above `high`, without a kink in between.
-fn rise(value: f32, low: f32, high: f32) -> f32 {
+pub(super) fn rise(value: f32, low: f32, high: f32) -> f32 {
     let t = ((value - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }

@@ -1,4 +1,4 @@
-//! Spray: radius from mass, colour and opacity from speed and age, discs that face the eye and what is on them, streaks along the flight; what
+//! Spray: radius from mass, colour and opacity from speed and age, discs that face the eye and what is on them, streaks along the flight and how they close up; what
 //! each particle physically is, and the surface around those that hang together.
 //!
 //! Particles are single precision around the scene's origin, one array per field; where they are traced is not here.
@@ -7,12 +7,14 @@ mod appearance;
 mod billboard;
 mod classes;
 mod detail;
+mod nearest;
 mod neighbours;
 mod seed;
 mod sheet;
 mod store;
 mod streak;
 mod texture;
+mod veil;
 
 pub use appearance::{Appearance, appearance, mass, radius};
 pub use billboard::{Facing, facing};
@@ -24,3 +26,4 @@ pub use sheet::{Sheet, SheetError, sheet};
 pub use store::Spray;
 pub use streak::{Streaks, streaks};
 pub use texture::{Texel, TextureError, Textures, billboard_turn, texture_files};
+pub use veil::veils;

@@ -30,6 +30,8 @@ pub struct Spray {
     cover: Vec<f32>,
     /// Part of its flight that each is drawn along as a streak; empty where all are drawn along all of it.
     stretch: Vec<f32>,
+    /// Radius (m) by which each closes up with its neighbours as a streak; empty where none does.
+    veil: Vec<f32>,
     /// Seconds since each broke free, by which textures go. Empty where none is drawn.
     age: Vec<f32>,
     /// Particles left out because their radius is 0 (no mass, or a scale of 0).
@@ -149,6 +151,7 @@ impl Spray {
         kept(&mut self.seed, &stays);
         kept(&mut self.cover, &stays);
         kept(&mut self.share, &stays);
+        kept(&mut self.veil, &stays);
         kept(&mut self.age, &stays);
     }
 
@@ -200,6 +203,7 @@ impl Spray {
                         sorted.cover.push(cover);
                     }
                     sorted.stretch.extend(stretch.get(index));
+                    sorted.veil.extend(self.veil.get(index));
                 } else {
                     sorted.thinned += 1;
                 }
@@ -226,6 +230,7 @@ impl Spray {
     pub fn part(&self, range: std::ops::Range<usize>) -> Self {
         let some = |values: &[f32]| if values.is_empty() { Vec::new() } else { values[range.clone()].to_vec() };
         let (share, cover, stretch) = (some(&self.share), some(&self.cover), some(&self.stretch));
+        let veil = some(&self.veil);
         let end = range.len();
         Self {
             position: self.position[range.clone()].to_vec(),
@@ -236,6 +241,7 @@ impl Spray {
             share,
             cover,
             stretch,
+            veil,
             first: [0, end, end, end, end, end],
             ..Self::default()
         }
@@ -284,6 +290,17 @@ impl Spray {
         self.stretch.get(index).copied().unwrap_or(1.0)
     }
 
+    /// Radius (m) by which particle `index` closes up with its neighbours as a streak; 0 for one on its own.
+    #[inline]
+    pub fn veil(&self, index: usize) -> f32 {
+        self.veil.get(index).copied().unwrap_or(0.0)
+    }
+
+    /// Sets the radius (m) by which each particle closes up with its neighbours as a streak (see [`veils`](super::veils)).
+    pub fn set_veils(&mut self, veils: Vec<f32>) {
+        self.veil = veils;
+    }
+
     /// Radii (m) of the balls and discs that some of the particles are drawn as.
     pub fn drawn_radius(&self, range: std::ops::Range<usize>) -> Vec<f32> {
         range.map(|index| self.radius[index] * self.cover(index).sqrt()).collect()
@@ -302,6 +319,7 @@ impl Spray {
             + size_of_val(&*self.share)
             + size_of_val(&*self.cover)
             + size_of_val(&*self.stretch)
+            + size_of_val(&*self.veil)
             + size_of_val(&*self.sheet)
             + size_of_val(&*self.age)) as u64
     }

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::{
     Spray,
+    classes::rise,
     detail::strengthened,
     seed::{Purpose, uniform},
 };
@@ -17,6 +18,9 @@ use crate::scene;
 
 /// Newton steps to a radius: from above, on a convex curve, each squares the error; the first ones halve a large one.
 const STEPS: usize = 32;
+
+/// Radii (pixels) over which a streak begins to close up with its neighbours: one of half a pixel is drawn as wide anyway.
+const VEIL_PIXELS: [f32; 2] = [0.5, 1.5];
 
 /// The streaks of a spray, one array per field, in the order of its particles.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -50,11 +54,23 @@ fn head_radius(radius: f64, length: f64, taper: f64) -> f64 {
     head
 }
 
-/// One particle's streak: ends, radii, share.
+/// One particle's streak: ends, radii, share, and how much of that it would have if no pixel were too wide for it.
 struct Streak {
     ends: [Vec3; 2],
     radius: [f32; 2],
     share: f32,
+    seen: f64,
+}
+
+/// A particle's size as a streak.
+#[derive(Clone, Copy)]
+struct Size {
+    /// Of its ball (m).
+    radius: f64,
+    /// Factor on the outline, for one that stands for others as well.
+    cover: f64,
+    /// Radius (m) by which it closes up with its neighbours; 0 on its own.
+    veil: f64,
 }
 
 /// Both ends as an eye sees them.
@@ -104,16 +120,17 @@ impl Seen {
 }
 
 impl Streak {
-    const NONE: Self = Self { ends: [Vec3::ZERO; 2], radius: [0.0; 2], share: 0.0 };
+    const NONE: Self = Self { ends: [Vec3::ZERO; 2], radius: [0.0; 2], share: 0.0, seen: 0.0 };
 
     /// From `position` back along `velocity` for `seconds`, holding the water of a ball of `radius`.
     ///
     /// `eye` is where it is seen from (m) and the width of a pixel (radians): what is narrower than `least_width` of them
-    /// there is widened, and its opacity lowered by what its outline grows, so that as much light is stopped. `cover` is a
-    /// factor on that outline, for a streak that stands for others as well: it is drawn so much wider.
+    /// there is widened, and its opacity lowered by what its outline grows, so that as much light is stopped. One that
+    /// stands for others as well is drawn so much wider; one that closes up with its neighbours is drawn as wide as that asks
+    /// for, on the same terms, where a pixel is narrower than what lies between them.
     fn new(
         [position, velocity]: [DVec3; 2],
-        [radius, cover]: [f64; 2],
+        Size { radius, cover, veil }: Size,
         seconds: f64,
         settings: &scene::Particles,
         eye: Option<(DVec3, f64)>,
@@ -121,21 +138,35 @@ impl Streak {
         let ends = [position, position - velocity * seconds];
         let head = head_radius(radius, (ends[1] - ends[0]).length(), settings.taper);
         let thin = [head, settings.taper * head];
-        let (mut wide, mut share) = (thin, 1.0);
+        let (mut wide, mut share, mut whole) = (thin, 1.0, 1.0);
         if let Some((eye, pixel_angle)) = eye {
             let seen = Seen::new(ends, eye);
             let least = 0.5 * settings.least_width * pixel_angle;
             let own = if cover == 1.0 { thin } else { seen.widened(thin, cover) };
-            wide = [own[0].max(least * seen.depth[0]), own[1].max(least * seen.depth[1])];
+            let closed = Self::closed(own, veil * cover.sqrt(), pixel_angle * (seen.depth[0] + seen.depth[1]) * 0.5);
+            wide = [closed[0].max(least * seen.depth[0]), closed[1].max(least * seen.depth[1])];
             if wide != thin {
-                share = (cover * seen.outline(thin) / seen.outline(wide)).min(1.0);
+                let outline = seen.outline(wide);
+                share = (cover * seen.outline(thin) / outline).min(1.0);
+                whole = (seen.outline(closed) / outline).min(1.0);
             }
         }
         let streak =
-            Self { ends: ends.map(|end| end.as_vec3()), radius: wide.map(|radius| radius as f32), share: share as f32 };
+            Self { ends: ends.map(|end| end.as_vec3()), radius: wide.map(|radius| radius as f32), share: share as f32, seen: whole };
         let finite =
             streak.ends.iter().all(|end| end.is_finite()) && streak.radius.iter().all(|radius| radius.is_finite());
         finite.then_some(streak)
+    }
+
+    /// Radii in the same ratio of which the head's is a `veil`'s (m), if that is more, where a pixel is `pixel` (m) wide: what
+    /// no pixel shows apart is closed up already.
+    fn closed(own: [f64; 2], veil: f64, pixel: f64) -> [f64; 2] {
+        if !(veil > 0.0) {
+            return own;
+        }
+        let shown = f64::from(rise((veil / pixel) as f32, VEIL_PIXELS[0], VEIL_PIXELS[1]));
+        let factor = (veil * shown / own[0]).max(1.0);
+        own.map(|radius| factor * radius)
     }
 }
 
@@ -144,13 +175,14 @@ impl Streak {
 pub fn streaks(spray: &Spray, settings: &scene::Particles, seconds: f64, eye: Option<(DVec3, f64)>) -> Streaks {
     let streak = |index: usize| {
         let flight = [spray.position[index].as_dvec3(), spray.velocity[index].as_dvec3()];
-        let size = [spray.radius[index], spray.cover(index)].map(f64::from);
+        let [radius, cover, veil] = [spray.radius[index], spray.cover(index), spray.veil(index)].map(f64::from);
         let shown = seconds * f64::from(spray.stretch(index));
-        let streak = Streak::new(flight, size, shown, settings, eye)?;
+        let streak = Streak::new(flight, Size { radius, cover, veil }, shown, settings, eye)?;
         let chance = uniform(spray.seed(index), Purpose::Faint);
-        let share = f64::from(streak.share);
-        let factor = strengthened(share, settings.least_opacity, chance);
-        Some(if factor > 0.0 { Streak { share: (share * factor) as f32, ..streak } } else { Streak::NONE })
+        // What is faint for being wide among its neighbours is so for all of them: a veil has no grain.
+        let factor = strengthened(streak.seen, settings.least_opacity, chance);
+        let share = (f64::from(streak.share) * factor) as f32;
+        Some(if factor > 0.0 { Streak { share, ..streak } } else { Streak::NONE })
     };
     let all: Vec<Option<Streak>> = (0..spray.len()).into_par_iter().map(streak).collect();
     let mut streaks =

@@ -145,6 +145,8 @@ impl World<'_> {
                 if let (Shape::Curves(curves), false) = (&part.shape, carrier.in_water) {
                     let [head, tail] = curves.ends[*primitive as usize];
                     let radius = curves.cone(*primitive as usize).ball_under(contact.position.as_dvec3()).1;
+                    // Widened, it is as round as it was.
+                    let radius = radius * f64::from(look.share);
                     let footprint = carrier.distance * self.camera.pixel_angle() as f32;
                     matte.line = Line::new((head - tail).normalize_or(Vec3::NAN), radius as f32, footprint);
                     if matte.line.is_some() {

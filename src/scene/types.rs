@@ -283,6 +283,11 @@ pub struct Particles {
     /// Radius of a streak's tail, as a share of its head's.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub taper: f64,
+    /// Streaks whose neighbours' velocities differ by less than half of this (by the speed) are drawn as wide as the distance
+    /// between them, and let as much more light through, so that they close up; from this on they have nothing to do with each
+    /// other; 0: never.
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub merging: f64,
     /// Streaks narrower than this (pixels) are drawn as wide, and let as much more light through.
     #[schemars(range(min = 0.0, max = 100.0))]
     pub least_width: f64,
@@ -327,6 +332,7 @@ impl Default for Particles {
             sheet: Sheet::default(),
             streak: None,
             taper: 0.25,
+            merging: 0.2,
             least_width: 1.0,
             least_opacity: 0.5,
             droplet_radius: 5e-5,
