@@ -87,7 +87,14 @@ pub(super) fn gather(
         }
         ParticleRepresentation::Mist => {
             let Particles { position, velocity, mass, .. } = &frame.particles;
-            let mass: Vec<f64> = mass.iter().map(|mass| mass * settings.mist_share).collect();
+            let spread = particles::size_spreads(settings)[Class::Mist as usize];
+            // The cube of a radius's factor.
+            let factor = |index: usize| match spread {
+                0.0 => 1.0,
+                _ => particles::size_factor(particles::seed(&frame.particles, index, frame.time), spread).powi(3),
+            };
+            let mass: Vec<f64> =
+                mass.iter().enumerate().map(|(index, mass)| mass * settings.mist_share * factor(index)).collect();
             let droplets = Droplets { position, velocity, mass: &mass };
             let mist = Mist::build_within(&droplets, &cloud, origin, mist_budget(mass.len())?)?;
             return Ok((Spray::default(), Some(Arc::new(mist)), Thinning::default()));
@@ -104,6 +111,11 @@ pub(super) fn gather(
     }
     if settings.representation != ParticleRepresentation::Auto {
         let streaks = settings.representation == ParticleRepresentation::Streamlines;
+        let class = if streaks { Class::Streak } else { Class::Drop };
+        let spread = particles::size_spreads(settings)[class as usize];
+        if spread != settings.size_spread {
+            spray.spread(settings.size_spread, |_| spread);
+        }
         let counts = Counts { drawn: spray.len(), streaks, ..Counts::default() };
         let (least, over_budget) = least_pixels(&account, &spray, settings, sight, budget, &counts, |_| 1)?;
         if streaks {
@@ -117,6 +129,7 @@ pub(super) fn gather(
         return Ok((spray, None, thinning));
     }
     let mut shares = judged(scene, &spray, water);
+    spread_by_class(settings, &mut spray, &mut shares);
     let streaks: Vec<f32> = shares.iter().map(|shares| shares[Class::Streak as usize]).collect();
     // A drop of water is another matter than a streak or a bubble: from one to the other it fades.
     let stretch: Vec<f32> = match settings.matter {
@@ -204,6 +217,23 @@ fn streak_seconds(scene: &Scene) -> [f64; 2] {
     }
 }
 
+/// Spreads the radii as the particles' classes ask for. Who is of several has as much of each one's spread as of the class: with
+/// its number, which it keeps, its size goes evenly from one to the other.
+///
+/// What a particle is was judged before, by `particles.size_spread` alone.
+fn spread_by_class(settings: &crate::scene::Particles, spray: &mut Spray, shares: &mut Vec<Shares>) {
+    let spreads = particles::size_spreads(settings);
+    if spreads.iter().all(|&spread| spread == settings.size_spread) {
+        return;
+    }
+    let spread =
+        |index: usize| spreads.iter().zip(shares[index]).map(|(spread, share)| spread * f64::from(share)).sum();
+    if let Some(stays) = spray.spread(settings.size_spread, spread) {
+        let mut stays = stays.into_iter();
+        shares.retain(|_| stays.next() == Some(true));
+    }
+}
+
 /// Notes how wide streaks have to be to close up with neighbours that move alike. `share` is how much of each particle is a streak,
 /// `stretch` the part of its flight that it shows; none of either for all of it.
 ///
@@ -215,9 +245,8 @@ fn close_up(scene: &Scene, spray: &mut Spray, sight: Option<Sight>, share: &[f32
         return;
     }
     let [whole, _] = streak_seconds(scene);
-    let length = |index: usize| {
-        spray.velocity[index].length() * whole as f32 * stretch.get(index).copied().unwrap_or(1.0)
-    };
+    let length =
+        |index: usize| spray.velocity[index].length() * whole as f32 * stretch.get(index).copied().unwrap_or(1.0);
     let veils = particles::veils(spray, share, merging, length);
     spray.set_veils(veils);
 }

@@ -21,7 +21,7 @@ pub use billboard::{Facing, facing};
 pub use classes::{Class, Judged, Shares, drawn_once, mean_radius, shares};
 pub use detail::{Sight, covers, least_for};
 pub use neighbours::{Nearness, nearness};
-pub use seed::{Purpose, seed, size_factor, uniform};
+pub use seed::{Purpose, seed, size_factor, size_spreads, uniform};
 pub use sheet::{Sheet, SheetError, sheet};
 pub use store::Spray;
 pub use streak::{Streaks, streaks};

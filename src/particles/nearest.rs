@@ -168,7 +168,9 @@ mod tests {
             |index, nearest| {
                 let mut found = [f32::INFINITY; MOST];
                 for (k, &(square, other)) in nearest.squares().iter().enumerate() {
-                    assert!(other as usize != index && places[index].distance_squared(places[other as usize]) == square);
+                    assert!(
+                        other as usize != index && places[index].distance_squared(places[other as usize]) == square
+                    );
                     found[k] = square;
                 }
                 found

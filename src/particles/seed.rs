@@ -4,7 +4,7 @@
 //! What is drawn by it is not here.
 
 use crate::math::scramble;
-use crate::state;
+use crate::{scene, state};
 
 /// Width (s) of the steps of time in which births are told apart. Ages in files are single precision: after a hundred
 /// seconds they are wrong by 4e-6 s, so that one particle in a thousand changes its seed in such a frame, far fewer at first.
@@ -78,6 +78,13 @@ pub fn size_factor(seed: u32, spread: f64) -> f64 {
         return 1.0;
     }
     (spread * normal(seed, Purpose::Size) - 1.5 * spread * spread).exp()
+}
+
+/// Deviation of the radii's logarithm in each class, in the order of [`Class::ALL`](super::Class::ALL). A sheet joins drops of one
+/// size, the mean one's: of them it is the plain one.
+pub fn size_spreads(settings: &scene::Particles) -> [f64; 5] {
+    let scene::SizeSpreads { spray, streaks, mist, bubbles } = settings.size_spreads;
+    [spray, streaks, mist, None, bubbles].map(|spread| spread.unwrap_or(settings.size_spread))
 }
 
 #[cfg(test)]

@@ -155,6 +155,25 @@ impl Spray {
         kept(&mut self.age, &stays);
     }
 
+    /// Draws the radii anew, of particles whose logarithms deviate by `spread(index)` instead of `before`, each by the number that it
+    /// keeps: larger ones stay larger. Returns which of them are left, if not all are, as those beyond single precision are not.
+    pub fn spread(&mut self, before: f64, spread: impl Fn(usize) -> f64) -> Option<Vec<bool>> {
+        for index in 0..self.len() {
+            let own = self.seed[index];
+            let radius = f64::from(self.radius[index]) / size_factor(own, before) * size_factor(own, spread(index));
+            self.radius[index] = radius as f32;
+        }
+        let stays: Vec<bool> = self.radius.iter().map(|&radius| radius > 0.0 && radius.is_finite()).collect();
+        if stays.iter().all(|&stays| stays) {
+            return None;
+        }
+        self.without_size += self.radius.iter().filter(|&&radius| radius == 0.0).count() as u64;
+        self.out_of_range += self.radius.iter().filter(|radius| radius.is_infinite()).count() as u64;
+        self.retain(|index| stays[index]);
+        self.all_drops();
+        Some(stays)
+    }
+
     /// Leaves out the particles whose factor on their cross section is 0, and notes that of the others; before they are
     /// sorted.
     pub fn thin(&mut self, covers: Vec<f32>) {

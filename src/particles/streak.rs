@@ -151,8 +151,12 @@ impl Streak {
                 whole = (seen.outline(closed) / outline).min(1.0);
             }
         }
-        let streak =
-            Self { ends: ends.map(|end| end.as_vec3()), radius: wide.map(|radius| radius as f32), share: share as f32, seen: whole };
+        let streak = Self {
+            ends: ends.map(|end| end.as_vec3()),
+            radius: wide.map(|radius| radius as f32),
+            share: share as f32,
+            seen: whole,
+        };
         let finite =
             streak.ends.iter().all(|end| end.is_finite()) && streak.radius.iter().all(|radius| radius.is_finite());
         finite.then_some(streak)

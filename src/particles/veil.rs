@@ -77,7 +77,8 @@ pub fn veils(spray: &Spray, share: &[f32], merging: f32, length: impl Fn(usize) 
         for (neighbour, &(square, other)) in neighbours.iter_mut().zip(squares) {
             let other = streaks[other as usize];
             let share = share.get(other).copied().unwrap_or(1.0);
-            let alike = 1.0 - rise(velocity.distance(spray.velocity[other]) / velocity.length(), 0.5 * merging, merging);
+            let alike =
+                1.0 - rise(velocity.distance(spray.velocity[other]) / velocity.length(), 0.5 * merging, merging);
             // What is no number says nothing.
             let alike = if alike > 0.0 { alike * share } else { 0.0 };
             *neighbour = Neighbour { distance: square.sqrt(), alike, share };
@@ -89,4 +90,176 @@ pub fn veils(spray: &Spray, share: &[f32], merging: f32, length: impl Fn(usize) 
         veils[index] = veil;
     }
     veils
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::{
+        math::scramble,
+        particles::{Streaks, streaks},
+        scene, state,
+    };
+
+    const SECONDS: f64 = 0.02;
+
+    fn spray(position: Vec<[f64; 3]>, velocity: Vec<[f64; 3]>) -> Spray {
+        let count = position.len();
+        let ball = 4.0 / 3.0 * std::f64::consts::PI * 1000.0 * 0.004_f64.powi(3);
+        let particles =
+            state::Particles { position, velocity, mass: vec![ball; count], age: vec![0.0; count], id: None };
+        Spray::build(&particles, &scene::Particles::default(), DVec3::ZERO)
+    }
+
+    fn veils_of(spray: &Spray, merging: f32) -> Vec<f32> {
+        veils(spray, &[], merging, |index| spray.velocity[index].length() * SECONDS as f32)
+    }
+
+    /// A curtain of strands 3 cm apart that fall 0.2 m, seen square from 4 m with pixels of 4 mm: as they are, and closed up.
+    fn curtain(velocity: impl Fn(usize) -> [f64; 3]) -> (Spray, [Streaks; 2]) {
+        let place = |k: usize| [0.03 * (k % 33) as f64 - 0.48, 0.03 * (k / 33) as f64 - 0.3, 0.0];
+        let mut spray = spray((0..33 * 21).map(place).collect(), (0..33 * 21).map(velocity).collect());
+        let settings = scene::Particles { least_opacity: 0.0, taper: 0.5, ..scene::Particles::default() };
+        let eye = Some((DVec3::new(0.0, 0.0, 4.0), 0.001));
+        let apart = streaks(&spray, &settings, SECONDS, eye);
+        let wide = veils_of(&spray, 0.2);
+        spray.set_veils(wide);
+        let closed = streaks(&spray, &settings, SECONDS, eye);
+        (spray, [apart, closed])
+    }
+
+    /// Light that gets through along z, by each of a grid's places across the middle strands; soft balls of finer drops.
+    fn through(streaks: &Streaks, opacity: f64) -> Vec<f64> {
+        let place = |k: usize| DVec3::new(-0.15 + 0.001 * (k % 300) as f64, -0.03 + 0.01 * (k / 300) as f64, 0.0);
+        let passes = |at: DVec3| {
+            let mut clear = 1.0;
+            for (k, ends) in streaks.ends.iter().enumerate() {
+                let [head, tail] = ends.map(|end| end.as_dvec3());
+                let along = ((at - head).dot(tail - head) / (tail - head).length_squared()).clamp(0.0, 1.0);
+                let [wide, narrow] = streaks.radius[k].map(f64::from);
+                let x = at.distance(head.lerp(tail, along)) / (wide + along * (narrow - wide));
+                if x < 1.0 {
+                    let own = 1.0 - (1.0 - opacity).powf((1.0 - x * x).powf(1.5));
+                    clear *= 1.0 - f64::from(streaks.share[k]) * own;
+                }
+            }
+            clear
+        };
+        (0..300 * 7).map(|k| passes(place(k))).collect()
+    }
+
+    fn mean_and_deviation(values: &[f64]) -> (f64, f64) {
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        (mean, (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt())
+    }
+
+    #[test]
+    fn a_row_of_strands_that_fall_together_becomes_an_even_veil() {
+        let (_, [apart, closed]) = curtain(|_| [0.0, -10.0, 0.0]);
+        let [(open, hairs), (veil, even)] = [&apart, &closed].map(|streaks| mean_and_deviation(&through(streaks, 0.9)));
+        // Strands that hide each other hide less: the veil, whose parts overlap, may stop a little more than the hairs, one before
+        // the other, do.
+        assert!(hairs > 0.1 && even < hairs / 8.0, "{even} for {hairs}");
+        assert!(veil <= open && open - veil < 0.15, "{veil} for {open}");
+        // With little in each, nothing hides anything, and the light is the same.
+        let [(open, hairs), (veil, even)] =
+            [&apart, &closed].map(|streaks| mean_and_deviation(&through(streaks, 0.01)));
+        assert!(((1.0 - veil) / (1.0 - open) - 1.0).abs() < 0.01, "{veil} for {open}");
+        assert!(even < hairs / 8.0, "{even} for {hairs}");
+    }
+
+    #[test]
+    fn strands_are_widened_to_what_lies_between_them_and_keep_their_light() {
+        let (spray, [apart, closed]) = curtain(|_| [0.0, -10.0, 0.0]);
+        let middle = 10 * 33 + 16;
+        assert!((spray.veil(middle) - 2.0 * RADIUS * 0.03).abs() < 0.2 * 0.03, "{}", spray.veil(middle));
+        let area = |streaks: &Streaks, k: usize| {
+            let radius = streaks.radius[k].map(f64::from);
+            let length = f64::from(streaks.ends[k][0].distance(streaks.ends[k][1]));
+            // Seen square: within the perspective of a fortieth of a radian, which is the same for both.
+            f64::from(streaks.share[k]) * crate::math::discs_outline(radius, length)
+        };
+        for k in 0..spray.len() {
+            assert!(closed.radius[k][0] >= apart.radius[k][0]);
+            let ratio = area(&closed, k) / area(&apart, k);
+            assert!((ratio - 1.0).abs() < 0.01, "{k}: {ratio}");
+        }
+        assert!(closed.radius[middle][0] > 2.0 * apart.radius[middle][0] && closed.share[middle] < 0.5);
+    }
+
+    #[test]
+    fn strangers_pairs_and_those_far_apart_stay_as_they_are() {
+        let away = |k: usize| {
+            let turn = (scramble(k as u64) >> 40) as f64 / f64::from(1 << 24) * std::f64::consts::TAU;
+            [10.0 * turn.cos(), 10.0 * turn.sin(), if k.is_multiple_of(2) { 8.0 } else { -8.0 }]
+        };
+        let (spray, [apart, closed]) = curtain(away);
+        let touched = (0..spray.len()).filter(|&k| closed.radius[k] != apart.radius[k]).count();
+        assert!(touched * 50 < spray.len(), "{touched} of {}", spray.len());
+        // Every other one rises.
+        let (_, [apart, closed]) =
+            curtain(|k| [0.0, if (k % 33 + k / 33).is_multiple_of(2) { 10.0 } else { -10.0 }, 0.0]);
+        assert_eq!(apart, closed);
+        let fall = vec![[0.0, -10.0, 0.0]; 4];
+        let row = |step: f64| (0..4).map(|k| [step * f64::from(k), 0.0, 0.0]).collect::<Vec<_>>();
+        assert_eq!(veils_of(&self::spray(row(0.02)[..2].to_vec(), fall[..2].to_vec()), 0.2), [0.0; 2]);
+        assert_eq!(veils_of(&self::spray(row(0.21), fall.clone()), 0.2), [0.0; 4]);
+        assert!(veils_of(&self::spray(row(0.02), fall), 0.2).iter().all(|&radius| radius > 0.0));
+    }
+
+    #[test]
+    fn nothing_pops_as_strands_part_turn_and_stop_being_streaks() {
+        let at = |gap: f64, turn: f64, share: f32| {
+            let place = |k: i32| [gap * f64::from(k % 7), gap * f64::from(k / 7), 0.001 * f64::from(k * k % 5)];
+            let velocity = |k: i32| [if k % 2 == 0 { 10.0 * turn } else { 0.0 }, -10.0, 0.0];
+            let spray = spray((0..49).map(place).collect(), (0..49).map(velocity).collect());
+            let shares: Vec<f32> = (0..49).map(|k| if k % 3 == 0 { share } else { 1.0 }).collect();
+            veils(&spray, &shares, 0.2, |index| spray.velocity[index].length() * SECONDS as f32)
+        };
+        let steady = |of: &dyn Fn(f64) -> Vec<f32>| {
+            let mut last = of(0.0);
+            for step in 1..=1000 {
+                let now = of(f64::from(step) / 1000.0);
+                let change = now.iter().zip(&last).map(|(now, last)| (now - last).abs()).fold(0.0, f32::max);
+                // A thirtieth of the widest, in a thousandth of the way.
+                assert!(change < 0.0015, "{step}: {change}");
+                last = now;
+            }
+            last
+        };
+        assert!(at(0.02, 0.0, 1.0).iter().all(|&radius| radius > 0.005));
+        assert_eq!(steady(&|t| at(0.02 + 0.2 * t, 0.0, 1.0)), [0.0; 49]);
+        steady(&|t| at(0.02, 0.25 * t, 1.0));
+        steady(&|t| at(0.02, 0.0, 1.0 - 0.999 * t as f32));
+    }
+
+    #[test]
+    fn crowds_rest_and_the_ends_of_numbers_give_numbers() {
+        let mut position = vec![[1.0, 2.0, 3.0]; 400];
+        let mut velocity: Vec<[f64; 3]> = (0..400).map(|k| [0.0, -10.0 - 1e-4 * f64::from(k), 0.0]).collect();
+        for (k, speed) in [0.0, 1e-30, 1e10, 3e38, 3e38, 3e38].into_iter().enumerate() {
+            position.extend([[1.0, 2.0, 3.0 + 0.01 * k as f64], [3e38; 3], [-3e38; 3]]);
+            velocity.extend([[speed, 0.0, 0.0]; 3]);
+        }
+        let spray = spray(position, velocity);
+        for merging in [1e-30, 0.2, 2.0] {
+            let all = veils_of(&spray, merging);
+            assert!(all.iter().all(|radius| radius.is_finite() && *radius >= 0.0));
+            // In one place nothing is in between.
+            assert!(all[..400].iter().all(|&radius| radius < 1e-6), "{merging}");
+        }
+    }
+
+    #[test]
+    fn the_same_bits_by_any_count_of_threads() {
+        let share = |k: u64| (scramble(k) >> 40) as f64 / f64::from(1 << 24);
+        let place = |k: u64| [share(3 * k), share(3 * k + 1), 0.2 * share(3 * k + 2)];
+        let velocity = |k: u64| [share(k ^ 1 << 40), -10.0, share(k ^ 2 << 40)];
+        let spray = spray((0..20_000).map(place).collect(), (0..20_000).map(velocity).collect());
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let all = veils_of(&spray, 0.2);
+        assert!(all == pool.install(|| veils_of(&spray, 0.2)) && all.iter().any(|&radius| radius > 0.0));
+    }
 }

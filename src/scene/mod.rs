@@ -32,7 +32,7 @@ pub use overscan::Overscan;
 pub use rendering::*;
 pub use shape::{names_of, schema};
 pub use simulation::*;
-pub use spray::{Billboard, Classes, DropMatter, Facing, Sheet};
+pub use spray::{Billboard, Classes, DropMatter, Facing, Sheet, SizeSpreads};
 pub use types::*;
 pub use water::*;
 pub use water_types::{Coefficients, WAVELENGTHS, absorption_of, diffuse_attenuation};

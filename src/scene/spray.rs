@@ -1,6 +1,5 @@
-//! `[particles.billboard]`, `[particles.classes]` and `[particles.sheet]`: what spray looks like, what it is taken for and how
-//! it is joined, as plain data. Part of the
-//! list of keys in `types`.
+//! `[particles.billboard]`, `[particles.classes]`, `[particles.size_spreads]` and `[particles.sheet]`: what spray looks like, what it
+//! is taken for, how its sizes differ and how it is joined, as plain data. Part of the list of keys in `types`.
 //!
 //! What the keys do is in the room `particles`.
 
@@ -69,6 +68,24 @@ impl Default for Classes {
     fn default() -> Self {
         Self { mist_radius: 0.0015, atomised: 0.0, reach: 4.0, sheet_neighbours: 16.0 }
     }
+}
+
+/// `[particles.size_spreads]`: `particles.size_spread` of one class, where that is another one than all the others'.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct SizeSpreads {
+    /// Of drops.
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub spray: Option<f64>,
+    /// Of streaks.
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub streaks: Option<f64>,
+    /// Of what is mist: of how much water is in each particle's cloud.
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub mist: Option<f64>,
+    /// Of bubbles.
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub bubbles: Option<f64>,
 }
 
 /// `[particles.sheet]`.

@@ -7,7 +7,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Billboard, Classes, Deep, DropMatter, Foam, Light, Mist, Render, Sheet, Simulation, Water};
+use super::{Billboard, Classes, Deep, DropMatter, Foam, Light, Mist, Render, Sheet, Simulation, SizeSpreads, Water};
 
 /// A whole scene file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -250,6 +250,8 @@ pub struct Particles {
     /// Spread of the radii about what the masses say: the deviation of their logarithm; the water stays the same in the mean.
     #[schemars(range(min = 0.0, max = 2.0))]
     pub size_spread: f64,
+    /// The same for each class.
+    pub size_spreads: SizeSpreads,
     /// Of particles with a smaller radius (pixels) some are drawn, wider, for all; 0 draws all.
     #[schemars(range(min = 0.0, max = 100.0))]
     pub least_pixels: f64,
@@ -321,6 +323,7 @@ impl Default for Particles {
             matter: DropMatter::Diffuse,
             scale: 1.0,
             size_spread: 0.0,
+            size_spreads: SizeSpreads::default(),
             least_pixels: 0.25,
             slow_albedo: [0.72, 0.80, 0.84],
             fast_albedo: [0.94, 0.96, 0.97],
