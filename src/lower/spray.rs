@@ -328,6 +328,7 @@ pub(super) fn parts(
 mod tests {
     use super::*;
     use crate::lower::{Environment, lower};
+    use crate::scene;
     use crate::state::{Columns, Particles};
 
     /// Level water a metre deep, with one particle of every kind: a drop, a streak, mist, a bubble, and a crowd.
@@ -405,6 +406,76 @@ mod tests {
         let water = names(&scene);
         assert_eq!((diffuse[0].1, water[0].1), (1, 1), "{diffuse:?} {water:?}");
         assert_eq!(diffuse[1].1 + 1, water[1].1, "{diffuse:?} {water:?}");
+    }
+
+    /// Drops that fly apart at a speed (m/s), each a kilometre from the next, as they are drawn: radii by what the mass says.
+    fn sizes(spreads: scene::SizeSpreads, speed: f64, matter: DropMatter) -> Vec<f64> {
+        let count = 4000;
+        let ball = 4.0 / 3.0 * std::f64::consts::PI * 0.01_f64.powi(3) * 1000.0;
+        let particles = Particles {
+            position: (0..count).map(|k| [1e3 * f64::from(k), 3.0, 1.0]).collect(),
+            velocity: vec![[0.0, 0.0, speed]; count as usize],
+            mass: vec![ball; count as usize],
+            age: vec![0.0; count as usize],
+            id: Some((0..count as u64).collect()),
+        };
+        let frame = Frame { particles, ..Frame::default() };
+        let mut scene = Scene::default();
+        (scene.particles.matter, scene.particles.least_pixels) = (matter, 0.0);
+        (scene.particles.size_spread, scene.particles.size_spreads) = (0.1, spreads);
+        let (spray, ..) = gather(&scene, &frame, DVec3::ZERO, None, None, None).unwrap();
+        // By their places, since who is of two classes stands in both.
+        let mut sizes = vec![0.0; count as usize];
+        for (place, radius) in spray.position.iter().zip(&spray.radius) {
+            sizes[(place.x / 1e3).round() as usize] = f64::from(*radius) / 0.01;
+        }
+        sizes
+    }
+
+    #[test]
+    fn sizes_differ_by_class_about_the_same_water() {
+        let spreads = scene::SizeSpreads { spray: Some(0.3), streaks: Some(0.5), ..Default::default() };
+        for (speed, spread) in [(0.0, 0.3), (50.0, 0.5)] {
+            let sizes = sizes(spreads.clone(), speed, DropMatter::Diffuse);
+            let mean = |of: &dyn Fn(f64) -> f64| sizes.iter().map(|&size| of(size)).sum::<f64>() / sizes.len() as f64;
+            let middle = mean(&f64::ln);
+            let deviation = mean(&|size| (size.ln() - middle).powi(2)).sqrt();
+            assert!((deviation / spread - 1.0).abs() < 0.03, "{speed}: {deviation}");
+            // The mean of the cubes has this deviation itself, by the square root of the count.
+            let (volume, cubes) = (mean(&|size| size.powi(3)), ((9.0 * spread * spread).exp_m1() / 4000.0).sqrt());
+            assert!((volume - 1.0).abs() < 3.0 * cubes, "{speed}: {volume} within {cubes}");
+        }
+        let plain = sizes(scene::SizeSpreads::default(), 50.0, DropMatter::Diffuse);
+        let other = sizes(
+            scene::SizeSpreads { bubbles: Some(2.0), mist: Some(1.0), ..Default::default() },
+            50.0,
+            DropMatter::Diffuse,
+        );
+        assert_eq!(plain, other, "no bubble is among them, and no mist");
+    }
+
+    #[test]
+    fn no_size_pops_as_a_drop_becomes_a_streak() {
+        for matter in [DropMatter::Diffuse, DropMatter::Water] {
+            let at = |speed: f64| {
+                let spreads = scene::SizeSpreads { streaks: Some(0.6), ..Default::default() };
+                sizes(spreads, speed, matter)
+            };
+            let (slow, steps) = (at(0.9), 60);
+            let mut last = slow.clone();
+            let mut largest = 0.0_f64;
+            for step in 1..=steps {
+                let now = at(0.9 + 1.2 * f64::from(step) / f64::from(steps));
+                for (k, (now, last)) in now.iter().zip(&last).enumerate() {
+                    // Whoever is large among drops is large among streaks.
+                    largest = largest.max((now / last).ln().abs() / (0.5 + (slow[k].ln() / 0.1).abs()));
+                }
+                last = now;
+            }
+            // Half of the spread lies between: by a sixtieth of the way at most a twentieth of that.
+            assert!(largest < 0.05, "{matter:?}: {largest}");
+            assert!(last != slow);
+        }
     }
 
     #[test]

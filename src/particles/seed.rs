@@ -168,6 +168,13 @@ mod tests {
     }
 
     #[test]
+    fn a_class_without_a_spread_of_its_own_has_that_of_all() {
+        let size_spreads = scene::SizeSpreads { streaks: Some(0.4), bubbles: Some(0.0), ..Default::default() };
+        let settings = scene::Particles { size_spread: 0.2, size_spreads, ..Default::default() };
+        assert_eq!(super::size_spreads(&settings), [0.2, 0.4, 0.2, 0.2, 0.0]);
+    }
+
+    #[test]
     fn no_file_gives_a_seed_without_a_number() {
         let particles = state::Particles {
             position: vec![[1e300; 3], [0.0; 3]],

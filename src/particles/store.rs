@@ -440,6 +440,25 @@ mod tests {
     }
 
     #[test]
+    fn sizes_are_spread_anew_and_what_has_none_then_is_left_out() {
+        let settings = scene::Particles { size_spread: 0.2, ..Default::default() };
+        let mut particles = three();
+        particles.mass = vec![0.5, 1.0, 1.0];
+        particles.id = Some(vec![1, 2, 3]);
+        let wide = Spray::build(&particles, &scene::Particles { size_spread: 0.4, ..Default::default() }, DVec3::ZERO);
+        let mut spray = Spray::build(&particles, &settings, DVec3::ZERO);
+        assert_eq!(spray.spread(0.2, |index| if index == 0 { 0.2 } else { 0.4 }), None);
+        assert!(
+            (spray.radius[1] / wide.radius[1] - 1.0).abs() < 1e-6
+                && (spray.radius[0] / wide.radius[0] - 1.0).abs() > 1e-3
+        );
+        spray.radius[1] = 1e-45;
+        // Of a deviation of two the middle is exp(-6).
+        assert_eq!(spray.spread(0.0, |index| if index == 1 { 2.0 } else { 0.0 }), Some(vec![true, false, true]));
+        assert_eq!((spray.len(), spray.without_size, spray.of(Class::Drop)), (2, 1, 0..2));
+    }
+
+    #[test]
     fn what_cannot_be_drawn_is_counted() {
         let mut particles = three();
         particles.mass[0] = 1e300;

@@ -225,6 +225,18 @@ mod tests {
     }
 
     #[test]
+    fn each_class_of_spray_may_have_sizes_of_its_own() {
+        let scene =
+            good("[particles]\nsize_spread = 0.2\n[particles.size_spreads]\nstreaks = 0.4\n", &["particles.merging=0"]);
+        assert_eq!((scene.particles.size_spreads.streaks, scene.particles.size_spreads.mist), (Some(0.4), None));
+        assert!(
+            messages(COMPLETE, &["particles.size_spreads.streak=0.1"])[0].contains("particles.size_spreads.streaks")
+        );
+        assert!(messages(COMPLETE, &["particles.size_spreads.mist=3"])[0].contains("particles.size_spreads.mist"));
+        assert!(messages(COMPLETE, &["particles.merging=-1"])[0].contains("particles.merging"));
+    }
+
+    #[test]
     fn every_fixed_name_is_taken() {
         for (key, names) in [
             ("surface.representation", &["quads", "tessellated", "spline"][..]),

@@ -97,6 +97,35 @@ fn a_thinned_cloud_covers_as_much_as_the_full_one() {
 }
 
 #[test]
+fn a_row_of_streaks_closes_up_and_covers_as_much() {
+    // 21 strands, 3 cm apart, each of 0.2 m; a pixel is 7 mm wide there.
+    let places = (0..21).map(|k| [0.03 * f64::from(k) - 0.3, -0.1, 0.0]).collect();
+    let frame = frame(Particles { velocity: vec![[0.0, -10.0, 0.0]; 21], ..still(places, 0.012) });
+    let mut scene = furnace(96, 256);
+    (scene.camera.fov, scene.particles.representation) = (2.0, ParticleRepresentation::Streamlines);
+    (scene.particles.taper, scene.particles.least_opacity) = (1.0, 0.0);
+    let mut row = |merging: f64| {
+        scene.particles.merging = merging;
+        let moment = lowered(&scene, std::slice::from_ref(&frame)).remove(0);
+        let share = moment.spray.appearance(10).share;
+        let mut setup = Setup::new(scene.clone(), moment.lowered.parts, EYE, [0.0; 3]);
+        setup.matter.spray = SprayLook { albedo: Vec3::ONE, opacity: 0.5, share, velocity: Vec3::ZERO };
+        let (picture, stats) = setup.render();
+        assert_eq!(stats.nonfinite, 0);
+        let channel = picture.channels.iter().find(|channel| channel.name == "spray.G").unwrap();
+        // Between the strands' ends, within the outermost of the row.
+        let across: Vec<f64> =
+            (20..76).map(|x| (40..56).map(|y| f64::from(channel.samples[y * 96 + x])).sum::<f64>() / 16.0).collect();
+        let middle = across.iter().sum::<f64>() / 56.0;
+        let variance = across.iter().map(|value| (value / middle - 1.0).powi(2)).sum::<f64>() / 56.0;
+        (mean(&picture, "spray.G"), variance)
+    };
+    let ((hairs, apart), (veil, even)) = (row(0.0), row(0.2));
+    assert!(apart > 0.3 && even < apart / 50.0, "a variance of {even} for {apart}");
+    assert!(hairs > 0.01 && (veil / hairs - 1.0).abs() < 0.02, "{veil} for {hairs}");
+}
+
+#[test]
 fn a_ball_that_moves_covers_what_its_chords_say() {
     // Sideways by 3 m while the shutter is open, in 64 moments, before an orthographic enough eye.
     let (radius, way, steps) = (0.5, 3.0, 64);
