@@ -335,7 +335,7 @@ impl Default for Particles {
             sheet: Sheet::default(),
             streak: None,
             taper: 0.25,
-            merging: 0.2,
+            merging: 0.4,
             least_width: 1.0,
             least_opacity: 0.5,
             droplet_radius: 5e-5,
