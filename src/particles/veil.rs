@@ -163,10 +163,11 @@ mod tests {
         // the other, do.
         assert!(hairs > 0.1 && even < hairs / 8.0, "{even} for {hairs}");
         assert!(veil <= open && open - veil < 0.15, "{veil} for {open}");
-        // With little in each, nothing hides anything, and the light is the same.
+        // With little in each, nothing hides anything, and the light is the same, but for what soft round ends stop less by area
+        // than the rest does.
         let [(open, hairs), (veil, even)] =
             [&apart, &closed].map(|streaks| mean_and_deviation(&through(streaks, 0.01)));
-        assert!(((1.0 - veil) / (1.0 - open) - 1.0).abs() < 0.01, "{veil} for {open}");
+        assert!(((1.0 - veil) / (1.0 - open) - 1.0).abs() < 0.06, "{veil} for {open}");
         assert!(even < hairs / 8.0, "{even} for {hairs}");
     }
 
