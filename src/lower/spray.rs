@@ -410,20 +410,20 @@ mod tests {
 
     /// Drops that fly apart at a speed (m/s), each a kilometre from the next, as they are drawn: radii by what the mass says.
     fn sizes(spreads: scene::SizeSpreads, speed: f64, matter: DropMatter) -> Vec<f64> {
-        let count = 4000;
+        let count = 4000_u32;
         let ball = 4.0 / 3.0 * std::f64::consts::PI * 0.01_f64.powi(3) * 1000.0;
         let particles = Particles {
             position: (0..count).map(|k| [1e3 * f64::from(k), 3.0, 1.0]).collect(),
             velocity: vec![[0.0, 0.0, speed]; count as usize],
             mass: vec![ball; count as usize],
             age: vec![0.0; count as usize],
-            id: Some((0..count as u64).collect()),
+            id: Some((0..u64::from(count)).collect()),
         };
         let frame = Frame { particles, ..Frame::default() };
         let mut scene = Scene::default();
         (scene.particles.matter, scene.particles.least_pixels) = (matter, 0.0);
         (scene.particles.size_spread, scene.particles.size_spreads) = (0.1, spreads);
-        let (spray, ..) = gather(&scene, &frame, DVec3::ZERO, None, None, None).unwrap();
+        let (spray, ..) = gather(&scene, &frame, DVec3::ZERO, None, None, None, 0).unwrap();
         // By their places, since who is of two classes stands in both.
         let mut sizes = vec![0.0; count as usize];
         for (place, radius) in spray.position.iter().zip(&spray.radius) {
