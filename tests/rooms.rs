@@ -14,7 +14,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("surface", &["simd", "scene", "state"]),
     ("particles", &["scene", "images", "state"]),
     ("foam", &["scene", "state", "particles"]),
-    ("mist", &["scene"]),
+    ("mist", &["scene", "simd"]),
     ("terrain", &["scene", "images", "state", "surface"]),
     ("sim", &["simd", "scene", "state", "foam", "terrain"]),
     ("lower", &["simd", "scene", "state", "surface", "particles", "mist", "terrain"]),

@@ -8,8 +8,9 @@ use super::{
     BUDGET, DENSEST, Droplets, Mist, MistError, MistSettings,
     bricks::{BRICK_BYTES, Bricks, CORNERS, SIDE, VALUES},
     grid::Grid,
-    kernel::{PER_DEVIATION, Shares, corners, cross_section},
+    kernel::{PER_DEVIATION, Slope, corners, cross_section},
 };
+use crate::simd::{self, Kernel, Simd, SimdLevel};
 
 /// Voxels from the scene's origin within which particles are taken: sums of two such places are whole numbers still.
 const FARTHEST: f64 = (1u32 << 30) as f64;
@@ -27,6 +28,29 @@ struct Cloud {
     amount: f64,
     /// Velocity (m/s).
     velocity: Vec3,
+}
+
+/// What a particle gives the corners around it.
+#[derive(Clone, Copy, Debug)]
+struct Gift {
+    slopes: [Slope; 3],
+    /// Extinction of a voxel that had all of it (1/m).
+    amount: f64,
+    /// Velocity (m/s).
+    velocity: DVec3,
+}
+
+impl Gift {
+    fn new(cloud: &Cloud) -> Self {
+        let slopes = cloud.place.to_array().map(Slope::new);
+        Self { slopes, amount: cloud.amount, velocity: cloud.velocity.as_dvec3() }
+    }
+}
+
+/// The gifts of a brick's own particles.
+struct Group<'g> {
+    home: [i32; 3],
+    gifts: &'g [Gift],
 }
 
 impl Mist {
@@ -105,13 +129,27 @@ impl Mist {
         if bricks.len() as u64 > most {
             return Err(too_large(bricks.len()));
         }
+        let gifts: Vec<Gift> = clouds.par_iter().map(Gift::new).collect();
+        let mut left = &gifts[..];
+        let givers: Vec<Group> = groups
+            .iter()
+            .map(|group| {
+                let (gifts, rest) = left.split_at(group.len());
+                left = rest;
+                Group { home: group[0].home, gifts }
+            })
+            .collect();
+        // Products and sums are the same ones in any width.
+        let level = SimdLevel::detect();
         let mut values = vec![0.0f32; bricks.len() * VALUES];
         let mut velocities = vec![Vec3::ZERO; bricks.len()];
         let densest = values
             .par_chunks_exact_mut(VALUES)
             .zip(&mut velocities)
             .zip(&bricks)
-            .map(|((values, velocity), &brick)| fill(values, velocity, brick, &groups))
+            .map(|((values, velocity), &brick)| {
+                simd::dispatch(level, Fill { values, velocity, brick, groups: &givers })
+            })
             .reduce(|| 0.0, f64::max);
         // Sums that are no number any more are over any limit.
         if !(densest <= DENSEST) {
@@ -154,17 +192,35 @@ fn touched(groups: &[&[Cloud]]) -> Vec<[i32; 3]> {
     bricks
 }
 
+/// One brick being filled, with the widest instructions of the processor.
+struct Fill<'f> {
+    values: &'f mut [f32],
+    velocity: &'f mut Vec3,
+    brick: [i32; 3],
+    groups: &'f [Group<'f>],
+}
+
+impl Kernel for Fill<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) -> f64 {
+        fill(self.values, self.velocity, self.brick, self.groups)
+    }
+}
+
 /// Fills one brick from the clouds in it and around it, with the mean velocity of what they give it; its greatest value.
-fn fill(values: &mut [f32], velocity: &mut Vec3, brick: [i32; 3], groups: &[&[Cloud]]) -> f64 {
+#[inline(always)]
+fn fill(values: &mut [f32], velocity: &mut Vec3, brick: [i32; 3], groups: &[Group]) -> f64 {
     // Doubles: of a million clouds in one place each adds its share.
     let mut sums = [0.0f64; VALUES];
     let (mut momentum, mut amount) = (DVec3::ZERO, 0.0);
     for index in 0..27 {
         let home = [brick[0] + index / 9 - 1, brick[1] + index / 3 % 3 - 1, brick[2] + index % 3 - 1];
-        let Ok(group) = groups.binary_search_by(|group| group[0].home.cmp(&home)) else { continue };
-        for cloud in groups[group] {
-            let given = add(&mut sums, brick, cloud);
-            momentum += given * cloud.velocity.as_dvec3();
+        let Ok(group) = groups.binary_search_by(|group| group.home.cmp(&home)) else { continue };
+        for gift in groups[group].gifts {
+            let given = add(&mut sums, brick, gift);
+            momentum += given * gift.velocity;
             amount += given;
         }
     }
@@ -176,34 +232,40 @@ fn fill(values: &mut [f32], velocity: &mut Vec3, brick: [i32; 3], groups: &[&[Cl
     sums.into_iter().fold(0.0, |most, sum| if sum <= most { most } else { sum })
 }
 
-/// Adds what a cloud gives a brick's corners; all of it.
-fn add(sums: &mut [f64; VALUES], brick: [i32; 3], cloud: &Cloud) -> f64 {
-    // Corners of the brick that the cloud reaches, along each axis, with the cloud's first corner as seen from the brick's.
+/// Adds what a particle gives a brick's corners; all of it.
+#[inline(always)]
+fn add(sums: &mut [f64; VALUES], brick: [i32; 3], gift: &Gift) -> f64 {
+    // Corners of the brick that it reaches, along each axis.
     let first = [brick[2], brick[1], brick[0]].map(|place| place * SIDE);
     let reached = |axis: usize| {
-        let [low, high] = corners(cloud.place[axis]).map(|corner| corner - first[axis]);
+        let [low, high] = gift.slopes[axis].corners.map(|corner| corner - first[axis]);
         (low.max(0), high.min(CORNERS as i32 - 1))
     };
     let [x, y, z] = [reached(0), reached(1), reached(2)];
     if x.0 > x.1 || y.0 > y.1 || z.0 > z.1 {
         return 0.0;
     }
-    let shares = [0, 1, 2].map(|axis| Shares::new(cloud.place[axis]));
-    let share = |axis: usize, corner: i32| shares[axis].share[(corner + first[axis] - shares[axis].first) as usize];
-    let mut along = [0.0; CORNERS];
-    for corner in x.0..=x.1 {
-        along[corner as usize] = share(0, corner);
-    }
-    let (start, end) = (x.0 as usize, x.1 as usize + 1);
-    let along_x: f64 = along[start..end].iter().sum();
+    // What each of the brick's corners along an axis has, 0 where nothing reaches.
+    let shares = |axis: usize, (low, high): (i32, i32)| {
+        let slope = &gift.slopes[axis];
+        let start = low + first[axis] - slope.corners[0];
+        let mut along = [0.0; CORNERS];
+        let count = (high - low + 1) as usize;
+        along[low as usize..][..count]
+            .copy_from_slice(&slope.shares(start as usize + count)[start as usize..][..count]);
+        along
+    };
+    let [along, across, up] = [shares(0, x), shares(1, y), shares(2, z)];
+    let along_x: f64 = along.iter().sum();
     let mut given = 0.0;
     for k in z.0..=z.1 {
-        let amount = cloud.amount * share(2, k);
+        let amount = gift.amount * up[k as usize];
         for j in y.0..=y.1 {
-            let amount = amount * share(1, j);
+            let amount = amount * across[j as usize];
             given += amount * along_x;
+            // A whole row, though some of it adds nothing: of a length that is known.
             let row = (k as usize * CORNERS + j as usize) * CORNERS;
-            for (sum, share) in sums[row + start..row + end].iter_mut().zip(&along[start..end]) {
+            for (sum, share) in sums[row..row + CORNERS].iter_mut().zip(&along) {
                 *sum += amount * share;
             }
         }

@@ -26,44 +26,51 @@ const CORNERS: usize = 2 * REACH as usize + 1;
 /// is interpolated has the variance that the cloud should have.
 const VARIANCE: f64 = PER_DEVIATION * PER_DEVIATION - 1.0 / 6.0;
 
-/// Shares of a cloud at the corners along one axis.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Shares {
-    /// The first corner.
-    pub(super) first: i32,
-    /// Shares of it and the next ones: 1 in all, whatever the particle's place between corners is.
-    pub(super) share: [f64; CORNERS],
-}
-
 /// First and last corner along an axis of a particle at `place` (voxels).
 pub(super) fn corners(place: f64) -> [i32; 2] {
     let reach = f64::from(REACH);
     [(place - reach).ceil() as i32, (place + reach).floor() as i32]
 }
 
-impl Shares {
-    /// Those of a particle at `place` (voxels).
+/// How a cloud's shares at the corners along one axis go on from corner to corner. A Gaussian's values at equal steps: their
+/// ratios fall by one and the same factor, so that each brick has them for a few products.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slope {
+    /// First and last corner.
+    pub(super) corners: [i32; 2],
+    /// The first corner's share; all of them are 1 together, whatever the particle's place between corners is.
+    share: f64,
+    /// The second one's over the first one's.
+    ratio: f64,
+}
+
+impl Slope {
+    /// Of a particle at `place` (voxels).
     pub(super) fn new(place: f64) -> Self {
-        let [first, last] = corners(place);
-        let count = (last - first + 1) as usize;
-        let start = f64::from(first) - place;
-        // A Gaussian's values at equal steps: their ratios fall by one and the same factor.
-        let mut value = (-0.5 / VARIANCE * start * start).exp();
-        let mut ratio = (-0.5 / VARIANCE * (2.0 * start + 1.0)).exp();
-        let fall = (-1.0 / VARIANCE).exp();
-        let (mut share, mut sum) = ([0.0; CORNERS], 0.0);
-        for corner in &mut share[..count] {
-            *corner = value;
-            sum += value;
+        let corners = corners(place);
+        let start = f64::from(corners[0]) - place;
+        let ratio = (-0.5 / VARIANCE * (2.0 * start + 1.0)).exp();
+        let mut slope = Self { corners, share: (-0.5 / VARIANCE * start * start).exp(), ratio };
+        slope.share /= slope.shares(CORNERS).iter().sum::<f64>();
+        slope
+    }
+
+    /// Shares of the first corner and of those that follow, `most` in all; 0 past the last.
+    #[inline(always)]
+    pub(super) fn shares(&self, most: usize) -> [f64; CORNERS] {
+        let (mut value, mut ratio) = (self.share, self.ratio);
+        let (fall, mut shares) = (*FALL, [0.0; CORNERS]);
+        for share in &mut shares[..most.min((self.corners[1] - self.corners[0] + 1) as usize)] {
+            *share = value;
             value *= ratio;
             ratio *= fall;
         }
-        for corner in &mut share {
-            *corner /= sum;
-        }
-        Self { first, share }
+        shares
     }
 }
+
+/// What each ratio of shares is of the one before.
+static FALL: std::sync::LazyLock<f64> = std::sync::LazyLock::new(|| (-1.0 / VARIANCE).exp());
 
 #[cfg(test)]
 mod tests {
@@ -82,10 +89,11 @@ mod tests {
     fn shares_add_up_to_one_about_the_particle_with_the_variance_asked_for() {
         for step in 0..40 {
             let place = -3.0 + f64::from(step) * 0.173;
-            let shares = Shares::new(place);
+            let slope = Slope::new(place);
+            let shares = slope.shares(CORNERS);
             let moment = |power: i32| {
-                let at = |index: usize| f64::from(shares.first + index as i32) - place;
-                (0..CORNERS).map(|index| shares.share[index] * at(index).powi(power)).sum::<f64>()
+                let at = |index: usize| f64::from(slope.corners[0] + index as i32) - place;
+                (0..CORNERS).map(|index| shares[index] * at(index).powi(power)).sum::<f64>()
             };
             assert!((moment(0) - 1.0).abs() < 1e-14, "{}", moment(0));
             assert!(moment(1).abs() < 4e-3, "{place}: {}", moment(1));
