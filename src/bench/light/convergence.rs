@@ -71,7 +71,7 @@ fn law(lines: &[(u32, f64, f64)]) -> f64 {
 }
 
 pub(super) fn run(settings: &Settings, sheet: &mut Sheet) -> Result<(), BenchError> {
-    let across = across(settings, 24, 32);
+    let across = across(settings, 48, 48);
     let columns = settings.sizes.first().copied().unwrap_or([80, 20]);
     let counts: &[u32] =
         if settings.quick { &[1, 4, 16, 64, 256] } else { &[1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096] };
