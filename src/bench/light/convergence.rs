@@ -128,7 +128,6 @@ mod tests {
     fn error_falls_as_the_root_of_up_to_4096_samples_or_faster() {
         for view in views(32, [80, 20]) {
             let lines = measure(&view, &[1, 4, 16, 64, 256, 1024, 4096], &Settings::default()).unwrap();
-            println!("{} {:.3} {lines:?}", view.name, law(&lines));
             assert!(law(&lines) > 0.47, "{}: {lines:?}", view.name);
         }
     }
