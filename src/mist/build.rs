@@ -8,7 +8,7 @@ use super::{
     BUDGET, DENSEST, Droplets, Mist, MistError, MistSettings,
     bricks::{BRICK_BYTES, Bricks, CORNERS, SIDE, VALUES},
     grid::Grid,
-    kernel::{PER_DEVIATION, Slope, corners, cross_section},
+    kernel::{PER_DEVIATION, REACHED, Slope, corners, cross_section},
 };
 use crate::simd::{self, Kernel, Simd, SimdLevel};
 
@@ -246,16 +246,17 @@ fn add(sums: &mut [f64; VALUES], brick: [i32; 3], gift: &Gift) -> f64 {
         return 0.0;
     }
     // What each of the brick's corners along an axis has, 0 where nothing reaches.
-    let shares = |axis: usize, (low, high): (i32, i32)| {
+    let shares = |axis: usize| {
+        // Room for all that a particle reaches before and after the brick, so that lengths are known.
+        let mut around = [0.0; REACHED - 1 + CORNERS + REACHED - 1];
         let slope = &gift.slopes[axis];
-        let start = low + first[axis] - slope.corners[0];
+        let start = (slope.corners[0] - first[axis] + REACHED as i32 - 1) as usize;
+        around[start..start + REACHED].copy_from_slice(&slope.shares());
         let mut along = [0.0; CORNERS];
-        let count = (high - low + 1) as usize;
-        along[low as usize..][..count]
-            .copy_from_slice(&slope.shares(start as usize + count)[start as usize..][..count]);
+        along.copy_from_slice(&around[REACHED - 1..REACHED - 1 + CORNERS]);
         along
     };
-    let [along, across, up] = [shares(0, x), shares(1, y), shares(2, z)];
+    let [along, across, up] = [shares(0), shares(1), shares(2)];
     let along_x: f64 = along.iter().sum();
     let mut given = 0.0;
     for k in z.0..=z.1 {

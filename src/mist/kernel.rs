@@ -20,7 +20,7 @@ pub(super) const PER_DEVIATION: f64 = 2.0;
 pub(super) const REACH: i32 = 7;
 
 /// Corners that a cloud has along an axis at most.
-const CORNERS: usize = 2 * REACH as usize + 1;
+pub(super) const REACHED: usize = 2 * REACH as usize + 1;
 
 /// Variance of the samples (voxels squared): linear interpolation is a convolution with a hat of variance 1/6, so that what
 /// is interpolated has the variance that the cloud should have.
@@ -51,19 +51,23 @@ impl Slope {
         let start = f64::from(corners[0]) - place;
         let ratio = (-0.5 / VARIANCE * (2.0 * start + 1.0)).exp();
         let mut slope = Self { corners, share: (-0.5 / VARIANCE * start * start).exp(), ratio };
-        slope.share /= slope.shares(CORNERS).iter().sum::<f64>();
+        slope.share /= slope.shares().iter().sum::<f64>();
         slope
     }
 
-    /// Shares of the first corner and of those that follow, `most` in all; 0 past the last.
+    /// Shares of the first corner and of those that follow, 0 past the last.
     #[inline(always)]
-    pub(super) fn shares(&self, most: usize) -> [f64; CORNERS] {
+    pub(super) fn shares(&self) -> [f64; REACHED] {
         let (mut value, mut ratio) = (self.share, self.ratio);
-        let (fall, mut shares) = (*FALL, [0.0; CORNERS]);
-        for share in &mut shares[..most.min((self.corners[1] - self.corners[0] + 1) as usize)] {
+        let (fall, mut shares) = (*FALL, [0.0; REACHED]);
+        for share in &mut shares {
             *share = value;
             value *= ratio;
             ratio *= fall;
+        }
+        // Between two corners a cloud has one less than on one.
+        if self.corners[1] - self.corners[0] + 1 < REACHED as i32 {
+            shares[REACHED - 1] = 0.0;
         }
         shares
     }
@@ -90,10 +94,10 @@ mod tests {
         for step in 0..40 {
             let place = -3.0 + f64::from(step) * 0.173;
             let slope = Slope::new(place);
-            let shares = slope.shares(CORNERS);
+            let shares = slope.shares();
             let moment = |power: i32| {
                 let at = |index: usize| f64::from(slope.corners[0] + index as i32) - place;
-                (0..CORNERS).map(|index| shares[index] * at(index).powi(power)).sum::<f64>()
+                (0..REACHED).map(|index| shares[index] * at(index).powi(power)).sum::<f64>()
             };
             assert!((moment(0) - 1.0).abs() < 1e-14, "{}", moment(0));
             assert!(moment(1).abs() < 4e-3, "{place}: {}", moment(1));
