@@ -21,7 +21,7 @@ const RUN: usize = 1024;
 /// Reach (m) beyond which nothing is looked for: squares of it are single precision's still.
 const FARTHEST: f32 = 1e18;
 
-/// The nearest others of a particle: their distances (m), ascending, and their numbers.
+/// The nearest others of a particle: their squared distances (m²), ascending, and their numbers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nearest {
     found: [(f32, u32); MOST],

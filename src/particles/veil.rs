@@ -13,12 +13,12 @@ use super::{
     nearest::{MOST, Nearest, nearest},
 };
 
-/// A streak's radius by twice the distance between strands. In a row that is 1.2 distances, in a curtain of many on each line 0.8 or more: soft
-/// profiles (1 - x^2)^(3/2) of either add up to the same within 6 % anywhere. Of a half they would leave gaps.
+/// A streak's radius by twice the distance between strands. In a row that is 1.2 distances, in a curtain of many on each line
+/// 0.8 or more: soft profiles (1 - x^2)^(3/2) of either add up to the same within 6 % anywhere. Of a half they would leave gaps.
 const RADIUS: f32 = 0.6;
 
-/// Spacings by the streak's length over which strands stop being one sheet: what is farther apart than it is long is drops, and at
-/// no spacing is a streak made wider than half of its length.
+/// Spacings by the streak's length over which strands stop being one sheet: what is farther apart than it is long is drops,
+/// and at no spacing is a streak made wider than half of its length.
 const APART: [f32; 2] = [0.4, 1.0];
 
 /// Another streak: how far (m), how much it moves alike (0..1), and how much of it is a streak at all.
@@ -61,8 +61,8 @@ fn radius(neighbours: &[Neighbour], length: f32) -> f32 {
 /// Radius (m) that each particle's streak is to be drawn with to close up with its neighbours; 0 where it stays as it is.
 ///
 /// `merging` is the difference of two velocities, by the speed, from which on they have nothing to do with each other; from half
-/// of it down they are alike. A streak shows `length(index)` (m) of flight; `share` is how much of each particle is one at all, none
-/// for all of each.
+/// of it down they are alike. A streak shows `length(index)` (m) of flight; `share` is how much of each particle is one at all,
+/// none for all of each.
 pub fn veils(spray: &Spray, share: &[f32], merging: f32, length: impl Fn(usize) -> f32 + Sync) -> Vec<f32> {
     let mut veils = vec![0.0; spray.len()];
     let streaks: Vec<usize> = match share {

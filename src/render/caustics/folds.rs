@@ -4,10 +4,10 @@
 //! it brings is divided by that. Towards a fold the density falls to 0 as the square root of the distance: the mean of the
 //! square is a logarithm without end, and a rare sample is hundreds of times too bright.
 //!
-//! *The way out.* With w = (p, b) across the disc, places where b stays the same are a curve of the surface. Where one is
-//! much light comes together ([`FOCUS`]), the whole piece of it where that is so, and that sees the disc, is followed: light
-//! through it is ∫ g dl / |∇b|, with the point's solid angle g per area, and a fold is nothing special to that. A draw finds
-//! the piece if its p is among the piece's. So the integral over their range, shared among the m places of the piece that
+//! *The way out.* With w = (p, b) across the disc, places where b stays the same are a curve of the surface. Where much light
+//! comes together on it ([`FOCUS`]), the whole piece where that is so, and that sees the disc, is followed: light through it
+//! is ∫ g dl / |∇b|, with the point's solid angle g per area, and a fold is nothing special to that. A draw finds the piece
+//! if its p is among the piece's. So the integral over their range, shared among the m places of the piece that
 //! have this very p, has the mean of what single directions bring. One place, drawn by what it brings, stands for all.
 //!
 //! A curve of constant b cannot be followed where ∇b = 0: on a fold that b alone crosses. So light is divided by (m·p̂)² and
@@ -19,16 +19,16 @@ use super::{Connection, Event, Manifold, polynomial::Polynomial};
 use crate::surface::Lattice;
 
 /// Spread over which light is averaged: a card then has some four times what it would have under flat water. With less, more
-/// of the noise goes and more of the time: at 2, variances over the disc are two to four times lower and no piece is rare.
+/// of the noise goes and more of the time. It decides on noise alone: means are the same by any.
 const FOCUS: f64 = 2.0;
 
-/// Steps after which a piece is not followed any more: an ordinary one takes ten to thirty.
+/// Steps after which a piece is not followed any more, by far more than it takes to cross the disc: closed curves end so.
 const MOST_STEPS: usize = 256;
 
 /// Length of a step in the change of w, in radii of the disc, where w changes most.
 const STEP: f64 = 0.5;
 
-/// Halvings of the last step, which ends a piece.
+/// Halvings of the last step, which ends a piece: to 1/512 of a radius of the disc, far under the rule's own error.
 const HALVINGS: usize = 8;
 
 /// Steps of Newton's iteration back to the curve: it starts off it by the square of a step.
